@@ -1,0 +1,1 @@
+"""The method of the paper: pure functions and small classes that know nothing of Ray or of the command line."""

@@ -1,0 +1,1 @@
+"""Making scenes: from meshes and captures to Gaussians with categories."""

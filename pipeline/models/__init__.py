@@ -1,0 +1,1 @@
+"""Language and vision models: the chat protocol, clients, prompts, reply parsers and the call cache."""

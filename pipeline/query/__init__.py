@@ -1,0 +1,1 @@
+"""The query stages of the paper, one a file."""

@@ -1,0 +1,1 @@
+"""Splat files: each reader gives the same raw parameters."""

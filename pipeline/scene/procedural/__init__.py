@@ -1,0 +1,1 @@
+"""Built-in apartments: generated scenes with known objects, for the demo, tests and ablations."""

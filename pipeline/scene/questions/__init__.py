@@ -1,0 +1,1 @@
+"""Questions with answers computed from the geometry of known objects."""

@@ -1,0 +1,1 @@
+"""Downstream tasks: answering (EQA) and grounding one or many targets."""

@@ -1,0 +1,75 @@
+"""Tables `calls` (one row a model call) and `timings` (one row a question and stage)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class CallRow:
+    """Table `calls`: one model call, sent or answered from the cache."""
+
+    question_id: str
+    """Question."""
+    scene: str
+    """Scene."""
+    stage: str
+    """evidence, view_answer, choice, verify, answer, judge."""
+    subject: str
+    """What it was about: a candidate id, a cluster, an arm; empty for the question itself."""
+    key: str
+    """SHA-256 of all that counts: endpoint, model, parameters, messages, image bytes."""
+    endpoint: str
+    """Endpoint's name in the job file."""
+    model: str
+    """Model."""
+    prompt_sha256: str
+    """Hash of the prompt template."""
+    attempt: int
+    """1 for the first ask, 2 and up after an unreadable reply."""
+    outcome: str
+    """ok, unparsed, or the error's class name."""
+    reply: str
+    """The reply as it came."""
+    prompt_tokens: int
+    """Tokens in, as the server counts them; 0 for symbolic."""
+    completion_tokens: int
+    """Tokens out."""
+    latency_s: float
+    """Seconds from sending to the reply; 0 when cached."""
+    cached: bool
+    """Answered from the cache: nothing was sent."""
+
+
+@dataclass(frozen=True, slots=True)
+class TimingRow:
+    """Table `timings`: seconds a stage took for a question. Differs between runs, so it stands apart."""
+
+    question_id: str
+    """Question; empty for work done once a scene."""
+    scene: str
+    """Scene."""
+    stage: str
+    """load, index, evidence, activate, cluster, visibility, perturb, render, view_answer, choice, answer, ..."""
+    seconds: float
+    """Wall seconds."""
+    count: int
+    """Items handled: views rendered, calls made."""
+
+
+@dataclass(frozen=True, slots=True)
+class RegionRow:
+    """Table `regions`: the Gaussians grounded for a question and arm, one row a predicted instance."""
+
+    question_id: str
+    """Question."""
+    scene: str
+    """Scene."""
+    arm: str
+    """initial, final or verified."""
+    instance: int
+    """Predicted instance, 0-based."""
+    view: str
+    """Candidate id whose frustum cut it."""
+    gaussians: tuple[int, ...]
+    """Sorted indices into the scene's Gaussians."""

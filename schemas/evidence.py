@@ -1,0 +1,61 @@
+"""Tables `clusters` and `candidates`: the regions found for a question and the views considered for them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class ClusterRow:
+    """Table `clusters`: one row a question and cluster."""
+
+    question_id: str
+    """Question."""
+    scene: str
+    """Scene."""
+    cluster: int
+    """Cluster number l in this question, 0-based, by visible size."""
+    category: str
+    """Category it was clustered in."""
+    gaussians: int
+    """|G_cluster|."""
+    centre: tuple[float, float, float]
+    """Mean of its centres, metres."""
+    initial_view: str
+    """Recorded view with the highest score; empty when no view sees it."""
+    visibility: float
+    """S_vis of that view, 0 to 1."""
+    visible: int
+    """|G_vis| in that view."""
+    final: str
+    """Candidate id the judge chose."""
+
+
+@dataclass(frozen=True, slots=True)
+class CandidateRow:
+    """Table `candidates`: one row a question, cluster and candidate view."""
+
+    question_id: str
+    """Question."""
+    scene: str
+    """Scene."""
+    cluster: int
+    """Cluster number."""
+    candidate: str
+    """Candidate id: the recorded view's name, or "<view>/<cluster>/<move>" for a novel one."""
+    move: str
+    """initial, left, right, forward, backward, ..."""
+    world_to_camera: tuple[float, ...]
+    """Pose, 12 numbers row by row, metres."""
+    requested_m: float
+    """Length of the move asked for, metres."""
+    moved_m: float
+    """Length of the move made; shorter when a surface was in the way."""
+    visibility: float
+    """S_vis of the cluster from here, 0 to 1."""
+    source: str
+    """photo or render: what the model was shown."""
+    answer: str | None
+    """The model's answer from this view alone; null when it was not asked."""
+    chosen: bool
+    """The judge's choice for this cluster."""
