@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from schemas.table import TableSpec
+
 Status = Literal["answered", "unparsed", "failed", "skipped"]
 """answered; unparsed: a reply stayed unreadable after re-asking; failed: an error; skipped: nothing to look at."""
 
@@ -89,3 +91,57 @@ class ArmRow:
     """3D IoU (ground_one) or instance-aware 3D mIoU of this question (ground_many), 0 to 1; null when unscored."""
     region_gaussians: int | None
     """Gaussians in the predicted region."""
+
+
+ANSWERS = TableSpec(
+    name="answers",
+    version=1,
+    record=AnswerRow,
+    key=("method", "question_id"),
+    columns={
+        "question_id": "string",
+        "scene": "string",
+        "task": "string",
+        "category": "string",
+        "method": "string",
+        "question": "string",
+        "reference": "string?",
+        "evidence": "list<string>",
+        "activated": "int64",
+        "clusters": "int32",
+        "clusters_found": "int32",
+        "status": "string",
+        "reason": "string",
+        "answer": "string",
+        "arm": "string",
+        "frames": "int32",
+        "model": "string",
+    },
+)
+
+ARMS = TableSpec(
+    name="arms",
+    version=1,
+    record=ArmRow,
+    key=("method", "question_id", "arm"),
+    columns={
+        "question_id": "string",
+        "scene": "string",
+        "task": "string",
+        "category": "string",
+        "method": "string",
+        "arm": "string",
+        "status": "string",
+        "reason": "string",
+        "answer": "string",
+        "views": "list<string>",
+        "chosen": "list<int32>",
+        "frames": "int32",
+        "mark": "int32?",
+        "mark_reason": "string",
+        "predicted": "int32?",
+        "targets": "int32?",
+        "iou": "float64?",
+        "region_gaussians": "int64?",
+    },
+)

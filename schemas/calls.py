@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from schemas.table import TableSpec
+
 
 @dataclass(frozen=True, slots=True)
 class CallRow:
@@ -73,3 +75,51 @@ class RegionRow:
     """Candidate id whose frustum cut it."""
     gaussians: tuple[int, ...]
     """Sorted indices into the scene's Gaussians."""
+
+
+CALLS = TableSpec(
+    name="calls",
+    version=1,
+    record=CallRow,
+    key=("question_id", "stage", "subject", "attempt"),
+    columns={
+        "question_id": "string",
+        "scene": "string",
+        "stage": "string",
+        "subject": "string",
+        "key": "string",
+        "endpoint": "string",
+        "model": "string",
+        "prompt_sha256": "string",
+        "attempt": "int32",
+        "outcome": "string",
+        "reply": "string",
+        "prompt_tokens": "int64",
+        "completion_tokens": "int64",
+        "latency_s": "float64",
+        "cached": "bool",
+    },
+)
+
+TIMINGS = TableSpec(
+    name="timings",
+    version=1,
+    record=TimingRow,
+    key=("question_id", "stage"),
+    columns={"question_id": "string", "scene": "string", "stage": "string", "seconds": "float64", "count": "int64"},
+)
+
+REGIONS = TableSpec(
+    name="regions",
+    version=1,
+    record=RegionRow,
+    key=("question_id", "arm", "instance"),
+    columns={
+        "question_id": "string",
+        "scene": "string",
+        "arm": "string",
+        "instance": "int32",
+        "view": "string",
+        "gaussians": "list<int32>",
+    },
+)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from schemas.table import TableSpec
+
 
 @dataclass(frozen=True, slots=True)
 class ClusterRow:
@@ -59,3 +61,44 @@ class CandidateRow:
     """The model's answer from this view alone; null when it was not asked."""
     chosen: bool
     """The judge's choice for this cluster."""
+
+
+CLUSTERS = TableSpec(
+    name="clusters",
+    version=1,
+    record=ClusterRow,
+    key=("question_id", "cluster"),
+    columns={
+        "question_id": "string",
+        "scene": "string",
+        "cluster": "int32",
+        "category": "string",
+        "gaussians": "int64",
+        "centre": "list<float64>",
+        "initial_view": "string",
+        "visibility": "float64",
+        "visible": "int64",
+        "final": "string",
+    },
+)
+
+CANDIDATES = TableSpec(
+    name="candidates",
+    version=1,
+    record=CandidateRow,
+    key=("question_id", "cluster", "candidate"),
+    columns={
+        "question_id": "string",
+        "scene": "string",
+        "cluster": "int32",
+        "candidate": "string",
+        "move": "string",
+        "world_to_camera": "list<float64>",
+        "requested_m": "float64",
+        "moved_m": "float64",
+        "visibility": "float64",
+        "source": "string",
+        "answer": "string?",
+        "chosen": "bool",
+    },
+)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Int32, UInt8
@@ -95,6 +95,7 @@ class Reply:
     """Model the server says it used."""
 
 
+@runtime_checkable
 class ChatClient(Protocol):
     """Anything that answers a request: an endpoint, the symbolic model, a fake in a test."""
 

@@ -1,0 +1,142 @@
+"""From a run's tables to its metrics: every mean with its interval and with what it was taken over.
+
+A question without a score is in no mean. It is counted beside each mean by its status, and `mean_zero` gives the mean
+were all such questions scored 0, which is how the OpenEQA protocol treats a missing answer. Questions whose reference
+is unknown cannot be scored by anyone and are counted as `no_reference` only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import pandas as pd
+
+from jobs.scores import STATUSES, Options, compare, in_order, score_rows, summarise
+
+STAGES = (
+    *("load", "index", "evidence", "activate", "cluster", "visibility", "perturb", "render"),
+    *("view_answer", "choice", "answer", "verify", "ground", "judge"),
+)
+"""Stages in the order of the method; others follow by name."""
+
+NEEDED = ("answers", "arms", "calls", "timings")
+"""Tables of a run that metrics are made from."""
+
+
+def aggregate(run: str | Path, options: Options | None = None) -> dict[str, pd.DataFrame]:
+    """Return the metrics of a run's committed questions; see `aggregate_tables`.
+
+    Args:
+        run: Run folder, a path or URI.
+        options: Thresholds, level and draws.
+
+    Raises:
+        InputError: There is no such run, or a part is damaged.
+    """
+    from schemas.run_folder import read_table
+
+    return aggregate_tables({name: read_table(run, name) for name in NEEDED}, options)
+
+
+def aggregate_tables(tables: Mapping[str, pd.DataFrame], options: Options | None = None) -> dict[str, pd.DataFrame]:
+    """Return metrics as tables, tidy: one row a group and metric.
+
+    Args:
+        tables: `answers`, `arms`, `calls` and `timings`, with the columns of their records.
+        options: Thresholds, level and draws.
+
+    Returns:
+        arms, by_category, by_scene: one row a task, arm (and group) and metric: llm_match, miou, instance_miou and
+            acc@k from 0 to 100; frames a question. `low` and `high` come from the bootstrap over scenes and then
+            questions, `low_questions` and `high_questions` from the plain one over questions; counts by status.
+        differences: the same for pairs of arms on the questions scored in both, with the p value of a permutation
+            test over questions and the questions gained, lost and tied.
+        outcomes: questions by status and reason.
+        calls: calls, tokens and seconds of the models by stage.
+        timings: seconds by stage.
+
+    Raises:
+        InputError: A question has two rows for one method and arm.
+    """
+    options = options or Options()
+    scores = score_rows(tables["arms"], tables["answers"], options.thresholds)
+    questions = int(tables["answers"]["question_id"].nunique())
+    return {
+        "arms": summarise(scores, ["method", "task", "arm"], options),
+        "differences": compare(scores, options),
+        "by_category": summarise(scores, ["method", "task", "category", "arm"], options),
+        "by_scene": summarise(scores, ["method", "task", "scene", "arm"], options),
+        "outcomes": _outcomes(tables["answers"]),
+        "calls": _calls(tables["calls"], questions),
+        "timings": _timings(tables["timings"], questions, int(tables["answers"]["scene"].nunique())),
+    }
+
+
+def _outcomes(answers: pd.DataFrame) -> pd.DataFrame:
+    by = ["method", "task", "status", "reason"]
+    counted = answers.groupby(by, observed=True, sort=False).size().rename("questions").reset_index()
+    order = counted["status"].map({status: place for place, status in enumerate(STATUSES)})
+    counted = counted.assign(_place=order).sort_values(
+        ["method", "task", "_place", "questions", "reason"], ascending=[True, True, True, False, True]
+    )
+    return counted.drop(columns="_place").reset_index(drop=True)
+
+
+def _calls(calls: pd.DataFrame, questions: int) -> pd.DataFrame:
+    """One row a stage and one for all: a call counts once, whether it was sent or found; tries that failed apart."""
+    found = []
+    for stage, group in [*_by_stage(calls), ("all", calls)]:
+        done = group[group["outcome"].isin(("ok", "unparsed"))]
+        sent = done[~done["cached"].astype(bool)]
+        tokens = done["prompt_tokens"] + done["completion_tokens"]
+        found.append(
+            {
+                "stage": stage,
+                "calls": len(done),
+                "cached": len(done) - len(sent),
+                "sent": len(sent),
+                "asked_again": int((done["attempt"] > 1).sum()),
+                "unparsed": int((done["outcome"] == "unparsed").sum()),
+                "failed_tries": len(group) - len(done),
+                "prompt_tokens": int(done["prompt_tokens"].sum()),
+                "completion_tokens": int(done["completion_tokens"].sum()),
+                "sent_tokens": int(tokens[sent.index].sum()),
+                "calls_a_question": _ratio(len(done), questions),
+                "tokens_a_question": _ratio(float(tokens.sum()), questions),
+                "seconds_a_call": _ratio(float(sent["latency_s"].sum()), len(sent)),
+                "models": ", ".join(sorted(set(group["model"]))),
+            }
+        )
+    return pd.DataFrame(found)
+
+
+def _timings(timings: pd.DataFrame, questions: int, scenes: int) -> pd.DataFrame:
+    """One row a stage and one for all; work done once a scene is counted by scene."""
+    found = []
+    whole = timings["question_id"] == ""
+    for once, part in ((True, timings[whole]), (False, timings[~whole])):
+        for stage, group in _by_stage(part):
+            seconds, count = float(group["seconds"].sum()), int(group["count"].sum())
+            found.append(
+                {
+                    "stage": stage,
+                    "once_a": "scene" if once else "question",
+                    "seconds": seconds,
+                    "count": count,
+                    "seconds_each": _ratio(seconds, scenes if once else questions),
+                    "seconds_an_item": _ratio(seconds, count),
+                    "longest": float(group["seconds"].max()),
+                }
+            )
+    return pd.DataFrame(
+        found, columns=["stage", "once_a", "seconds", "count", "seconds_each", "seconds_an_item", "longest"]
+    )
+
+
+def _by_stage(frame: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
+    return [(stage, frame[frame["stage"] == stage]) for stage in in_order(frame["stage"], STAGES)]
+
+
+def _ratio(total: float, count: int) -> float | None:
+    return total / count if count else None

@@ -1,0 +1,54 @@
+"""The command line. Exit codes: 0 done, 1 failed, 2 bad input, 130 stopped by a signal."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+
+import typer
+
+from jobs.verbs import aggregate, build, check, demo, render, report, resume, status, submit
+from schemas.errors import InputError, SplatReasonerError
+
+app = typer.Typer(
+    name="splatreasoner",
+    help="Batch question answering and 3D grounding over Gaussian Splatting scenes.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+VERBS: dict[str, Callable[..., None]] = {
+    "demo": demo.demo,
+    "build": build.build,
+    "check": check.check,
+    "render": render.render,
+    "submit": submit.submit,
+    "resume": resume.resume,
+    "status": status.status,
+    "aggregate": aggregate.aggregate,
+    "report": report.report,
+}
+"""Verbs in the order in which a person meets them."""
+
+for _name, _verb in VERBS.items():
+    app.command(_name)(_verb)
+
+
+def main() -> None:
+    """Run the command line; errors raised on purpose become one line each and an exit code."""
+    try:
+        app()
+    except InputError as error:
+        _tell(error)
+        sys.exit(2)
+    except SplatReasonerError as error:
+        _tell(error)
+        sys.exit(1)
+
+
+def _tell(error: SplatReasonerError) -> None:
+    for line in (str(error), *getattr(error, "__notes__", ())):
+        print(f"error: {line}", file=sys.stderr)

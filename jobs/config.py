@@ -1,0 +1,155 @@
+"""The job file: what a run answers, with which method and models, and how wide it runs.
+
+A job file is YAML. Paths in it are relative to the file itself, so a job runs the same from any folder.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+
+from jobs.yaml_file import read_yaml
+from pipeline.config import MethodConfig
+from pipeline.models.config import ModelConfig
+from schemas import storage
+from schemas.errors import InputError
+from schemas.questions import TASKS, Task
+
+IN_SCENE = "scene"
+"""Value of `questions` that takes each scene's own file."""
+
+
+class WorkersConfig(BaseModel):
+    """How wide a run goes. Nothing here changes an answer."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    cpus: int | None = Field(
+        None, ge=1, description="CPU slots of the local Ray; null takes every core of this machine"
+    )
+    address: str = Field("", description='an existing Ray cluster, such as "auto"; empty starts a local one')
+    in_process: bool = Field(False, description="run in this process, without Ray: slower, easy to debug")
+    model_actors: int = Field(
+        2, ge=1, le=256, description="processes that ask the models; the symbolic model computes in them"
+    )
+    questions_in_flight: int | None = Field(
+        None, ge=1, le=4096, description="questions begun and not ended; null takes four for each CPU slot"
+    )
+    chunk: int = Field(25, ge=1, le=10_000, description="questions a unit of work; a unit is committed as a whole")
+    timeout_s: float = Field(1800.0, gt=0, description="seconds one try of a question may take, waiting included")
+    retries: int = Field(2, ge=0, le=20, description="further tries of a question after an error that may pass")
+
+
+class JobConfig(BaseModel):
+    """A run: scenes, questions, method, models and workers."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    name: str = Field(min_length=1, max_length=200, description="name of the run, shown in reports")
+    output: str = Field(min_length=1, description="run folder, a path or URI; made where it does not exist")
+    scenes: tuple[str, ...] = Field(
+        min_length=1, description="scene folders as paths, URIs or patterns such as scenes/*; one or a list"
+    )
+    questions: str = Field(
+        IN_SCENE,
+        min_length=1,
+        description='a question file, or "scene" for the questions.jsonl in each scene folder',
+    )
+    tasks: tuple[Task, ...] = Field(TASKS, min_length=1, description="tasks to keep: eqa, ground_one, ground_many")
+    limit: int | None = Field(None, ge=1, description="first questions of each scene to keep; null keeps all")
+    other_scenes: Literal["refuse", "skip"] = Field(
+        "refuse", description="what to do with questions about scenes that are not listed"
+    )
+    calls: str | None = Field(
+        None, description="folder of stored model replies, local; runs may share one; null takes calls/ in the run"
+    )
+    images: bool = Field(True, description="keep a thumbnail of every view that was considered, for the report")
+    method: MethodConfig = Field(default_factory=MethodConfig, description="the method's stages and their settings")
+    models: ModelConfig = Field(default_factory=ModelConfig, description="the models and which stage asks which")
+    workers: WorkersConfig = Field(default_factory=WorkersConfig, description="how wide the run goes")
+
+    @field_validator("scenes", mode="before")
+    @classmethod
+    def _one_is_a_list(cls, value: Any) -> Any:
+        return (value,) if isinstance(value, str) else value
+
+    @model_validator(mode="after")
+    def _calls_are_local(self) -> JobConfig:
+        if storage.local_path(self.calls_folder()) is None:
+            raise ValueError("calls must name a local folder when the output is not local")
+        return self
+
+    def calls_folder(self) -> str:
+        """Return the folder of stored model replies."""
+        return self.calls if self.calls is not None else storage.join(self.output, "calls")
+
+
+def load_job(path: str | Path) -> JobConfig:
+    """Return the job a YAML file describes, its paths made absolute.
+
+    Raises:
+        InputError: The file is missing, is not YAML or has a wrong field. When several are wrong the first is the
+            message and the others are its notes.
+    """
+    found = read_yaml(path)
+    folder = Path(path).resolve().parent
+    for field in ("output", "questions", "scenes", "calls"):
+        if field in found and not (field == "questions" and found[field] == IN_SCENE):
+            found[field] = _anchored(found[field], folder)
+    models = found.get("models")
+    if isinstance(models, dict) and "prompts" in models:
+        found["models"] = {**models, "prompts": _anchored(models["prompts"], folder)}
+    return checked_job(found, path)
+
+
+def checked_job(found: Any, subject: object) -> JobConfig:
+    """Return the job in plain data, such as parsed YAML or a run's run.json.
+
+    Raises:
+        InputError: As `load_job`.
+    """
+    try:
+        return JobConfig.model_validate(found)
+    except ValidationError as error:
+        first, *others = [_input_error(subject, detail) for detail in error.errors()]
+        for other in others:
+            first.add_note(str(other))
+        raise first from None
+
+
+def _anchored(value: Any, folder: Path) -> Any:
+    if isinstance(value, list):
+        return [_anchored(item, folder) for item in value]
+    if not isinstance(value, str) or not value or storage.local_path(value) is None:
+        return value
+    return str(folder / Path(value).expanduser())
+
+
+def _input_error(subject: object, detail: Any) -> InputError:
+    """Turn one of pydantic's findings into a line that names file, field, expected and found."""
+    place, kind = [str(part) for part in detail["loc"]], detail["type"]
+    if kind == "extra_forbidden":
+        known = ", ".join(_fields_at(detail["loc"][:-1])) or "a known field"
+        return InputError(
+            subject, field=".".join(place[:-1]) or "top level", expected=f"one of {known}", found=place[-1]
+        )
+    expected = detail["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
+    found = "nothing" if kind == "missing" else repr(detail["input"])
+    if kind == "missing":
+        expected = "a value"
+    return InputError(
+        subject, field=".".join(place), expected=expected, found=found if len(found) <= 80 else found[:77] + "..."
+    )
+
+
+def _fields_at(place: tuple[Any, ...]) -> list[str]:
+    """Return the fields of the model at a place in JobConfig; none where the place is inside a list or a map."""
+    model: type[BaseModel] = JobConfig
+    for part in place:
+        field = model.model_fields.get(str(part))
+        if field is None or not (isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel)):
+            return []
+        model = field.annotation
+    return list(model.model_fields)

@@ -1,0 +1,95 @@
+"""From a job to its units of work: scene x method x chunk of questions, each with an id made of its content."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from jobs.config import JobConfig
+from jobs.dataset import PlannedScene, load_dataset
+from jobs.versions import STAGES
+from pipeline.models.config import STAGES as MODEL_STAGES
+from pipeline.models.config import ModelConfig, make_clients
+from pipeline.models.prompts import Prompts
+from schemas.plan import PlannedUnit
+from schemas.tables import TABLES
+
+METHOD = "splatreasoner"
+"""Name of the paper's method in rows; baselines have others."""
+
+ID_LENGTH = 32
+"""Hex digits of a unit id: 128 bits, no collision at any number of units."""
+
+
+@dataclass(frozen=True, slots=True)
+class Basis:
+    """What, beside a unit's scene and questions, its answers depend on."""
+
+    method: Mapping[str, Any]
+    """Resolved method config."""
+    models: Mapping[str, Any]
+    """By stage, what each model's answers depend on: endpoint, model, parameters."""
+    asks: int
+    """Times a stage is asked before a reply counts as unreadable."""
+    prompts: Mapping[str, str]
+    """Hash of each prompt."""
+    stages: Mapping[str, int]
+    """Version of each stage's code."""
+    tables: Mapping[str, int]
+    """Version of each table."""
+
+
+def basis_of(config: JobConfig) -> Basis:
+    """Return what a job's answers depend on beside its data.
+
+    Raises:
+        InputError: A prompt is wrong, or a model's key is not set.
+    """
+    return Basis(
+        method=config.method.model_dump(mode="json"),
+        models=_identities(config.models),
+        asks=config.models.max_asks,
+        prompts=Prompts.load(config.models.prompts).hashes(),
+        stages=STAGES,
+        tables={name: spec.version for name, spec in TABLES.items()},
+    )
+
+
+def plan_units(config: JobConfig, subject: object = "job") -> tuple[PlannedUnit, ...]:
+    """Return the units of a job, scene by scene.
+
+    Raises:
+        InputError: See `load_dataset` and `basis_of`. Nothing has run by then.
+    """
+    scenes, basis = load_dataset(config, subject), basis_of(config)
+    units = (unit for scene in scenes for unit in _units_of(scene, basis, config.workers.chunk))
+    return tuple(dataclasses.replace(unit, index=index) for index, unit in enumerate(units))
+
+
+def _units_of(scene: PlannedScene, basis: Basis, chunk: int) -> Iterator[PlannedUnit]:
+    for start in range(0, len(scene.questions), chunk):
+        questions = scene.questions[start : start + chunk]
+        content = {
+            "scene": scene.sha256,
+            "name": scene.name,
+            "questions": [dataclasses.asdict(question) for question in questions],
+            "basis": dataclasses.asdict(basis),
+            "as": METHOD,
+        }
+        unit_id = content_id(content)[:ID_LENGTH]
+        yield PlannedUnit(unit_id, 0, scene.name, scene.uri, scene.sha256, METHOD, questions)
+
+
+def content_id(content: Any) -> str:
+    """Return the SHA-256 of plain data, whatever the order of its keys."""
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _identities(models: ModelConfig) -> dict[str, Any]:
+    clients = make_clients(models)
+    return {stage: dict(clients[stage].identity()) for stage in MODEL_STAGES}

@@ -1,0 +1,33 @@
+"""How `submit` and `resume` end: a line on what there is now, and the exit code."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import typer
+
+if TYPE_CHECKING:
+    from jobs.submit import RunResult
+
+FAILED = 1
+STOPPED = 130
+
+
+def end(result: RunResult) -> None:
+    """Print how far a run is and what to do next.
+
+    Raises:
+        typer.Exit: The run was stopped, or every question of the session failed.
+    """
+    from jobs.status import run_status
+
+    driven, status = result.driven, run_status(result.run)
+    counts = ", ".join(f"{count} {name}" for name, count in sorted(status.statuses.items()))
+    print(f"{result.run}: {driven.done} of {driven.planned} questions committed" + (f" ({counts})" if counts else ""))
+    if driven.stopped:
+        print(f"stopped; go on with: splatreasoner resume {result.run}")
+        raise typer.Exit(STOPPED)
+    if status.statuses.get("failed", 0) == driven.planned:
+        print("every question failed; see events.jsonl")
+        raise typer.Exit(FAILED)
+    print(f"next: splatreasoner aggregate {result.run}")

@@ -1,0 +1,246 @@
+"""The one place where a stage's model call is sent: cache, retries, asking again, and a row for all that happened.
+
+A stage hands over its variables, images and parser; clients only carry a request. Failures that may pass are tried
+again here and nowhere else.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from pipeline.models.cache import CallCache, call_key
+from pipeline.models.messages import ChatClient, ImagePart, Reply, Request, Stage
+from pipeline.models.prompts import Prompts
+from schemas.calls import CallRow
+from schemas.errors import InputError, RateLimitError, RetryError, SplatReasonerError
+from schemas.questions import Question
+
+T = TypeVar("T")
+
+_ROW_STAGE: Mapping[Stage, str] = {"answer_one": "answer", "answer_many": "answer"}
+"""The two answer prompts are one stage of the method."""
+
+
+class RetryPolicy(BaseModel):
+    """How often and how long a call that failed for a passing reason is tried again."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    max_tries: int = Field(6, ge=1, description="times one request is sent before its error stands")
+    first_wait_s: float = Field(1.0, ge=0, description="wait before the second try, seconds; doubles with each try")
+    max_wait_s: float = Field(60.0, ge=0, description="longest wait of our own choosing, seconds")
+    max_retry_after_s: float = Field(
+        900.0, ge=0, description="longest wait a server may ask for, seconds; beyond it the error stands"
+    )
+
+    def wait_s(self, tries: int, error: RetryError, spread: float) -> float | None:
+        """Return the seconds to wait after `tries` failures, or None when no further try is due.
+
+        Args:
+            tries: Failed sends so far, 1 or more.
+            error: The latest failure; a RateLimitError's own wait is kept to the second.
+            spread: 0 to 1; moves our own waits between half and all of their length, so that callers that
+                failed together do not come back together.
+        """
+        if tries >= self.max_tries:
+            return None
+        if isinstance(error, RateLimitError) and error.retry_after_s is not None:
+            return error.retry_after_s if error.retry_after_s <= self.max_retry_after_s else None
+        return min(self.first_wait_s * 2.0 ** (tries - 1), self.max_wait_s) * (0.5 + 0.5 * spread)
+
+
+@dataclass(frozen=True, slots=True)
+class Asked(Generic[T]):
+    """What became of a question put to a model."""
+
+    value: T | None
+    """The reply as the parser read it; None when no reply could be read."""
+    text: str
+    """The last reply as it came."""
+    rows: tuple[CallRow, ...]
+    """One row for everything sent or found, in order."""
+
+
+def rows_of(error: BaseException) -> tuple[CallRow, ...]:
+    """Return the calls made before a `Caller.ask` ended in this error; () for an error from elsewhere."""
+    rows = getattr(error, "call_rows", ())
+    return rows if isinstance(rows, tuple) else ()
+
+
+class _Flight:
+    """A request under way: the same request asked meanwhile waits for it instead of being paid for again."""
+
+    def __init__(self) -> None:
+        self.landed = asyncio.Event()
+        self.reply: Reply | None = None
+
+
+class Caller:
+    """Sends the calls of all stages. For one event loop at a time; not for several threads.
+
+    Args:
+        clients: Who answers each stage.
+        prompts: Wording.
+        cache: Stored replies; None to store and find nothing.
+        max_asks: Times a stage is asked before its reply counts as unreadable, at least 1.
+        retry: What is done about failures that may pass.
+        uncached: Stages whose replies are not worth storing, such as those of the symbolic model.
+        sleep: Waits a number of seconds.
+        clock: Monotonic seconds, to measure latency.
+    """
+
+    def __init__(
+        self,
+        clients: Mapping[Stage, ChatClient],
+        prompts: Prompts,
+        cache: CallCache | None,
+        *,
+        max_asks: int = 2,
+        retry: RetryPolicy | None = None,
+        uncached: Collection[Stage] = (),
+        sleep: Callable[[float], Awaitable[None]] = asyncio.sleep,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        if max_asks < 1:
+            raise InputError("models", field="max_asks", expected="1 or more", found=max_asks)
+        self.clients, self.prompts, self.cache, self.max_asks = clients, prompts, cache, max_asks
+        self.retry = retry or RetryPolicy()
+        self.uncached = frozenset(uncached)
+        self._sleep, self._clock = sleep, clock
+        self._flights: dict[str, _Flight] = {}
+
+    async def ask(
+        self,
+        stage: Stage,
+        variables: Mapping[str, Any],
+        images: Sequence[ImagePart],
+        parse: Callable[[str], T | None],
+        *,
+        question: Question,
+        subject: str = "",
+    ) -> Asked[T]:
+        """Ask a stage's model and read its reply.
+
+        Args:
+            stage: Which prompt and which client.
+            variables: Values of the prompt's placeholders.
+            images: Pictures in order.
+            parse: Reads a reply; None when it cannot be read. Then the model is asked again, told what is expected.
+            question: Whom the rows belong to.
+            subject: What the call is about: a candidate id, a cluster, an arm.
+
+        Returns:
+            The value, or None with the last reply when it stayed unreadable after `max_asks`.
+
+        Raises:
+            RetryError: Every try failed for a reason that may pass.
+            QuestionError: This request cannot succeed.
+            StopError: No request can succeed.
+            InputError: A variable is missing. `rows_of(error)` holds the calls made until any of these.
+        """
+        client = self.clients[stage]
+        log = _Log(
+            question,
+            _ROW_STAGE.get(stage, stage),
+            subject,
+            client.name,
+            self.prompts.sha256(self.prompts.template_name(stage, variables)),
+        )
+        try:
+            request = self.prompts.fill(stage, variables, images)
+            while True:
+                log.attempt += 1
+                log.key = call_key(client.identity(), request)
+                reply, latency_s, cached = await self._reply(client, request, log)
+                value = parse(reply.text)
+                log.add("unparsed" if value is None else "ok", reply, latency_s, cached)
+                if value is not None or log.attempt >= self.max_asks:
+                    return Asked(value, reply.text, tuple(log.rows))
+                request = self.prompts.ask_again(request, reply.text)
+        except SplatReasonerError as error:
+            error.call_rows = tuple(log.rows)  # type: ignore[attr-defined]
+            raise
+
+    async def _reply(self, client: ChatClient, request: Request, log: _Log) -> tuple[Reply, float, bool]:
+        """Return a reply, the seconds it took, and whether it cost nothing: stored, or under way for someone else."""
+        cache = None if request.stage in self.uncached else self.cache
+        while (flight := self._flights.get(log.key)) is not None:
+            await flight.landed.wait()
+            if flight.reply is not None:
+                return flight.reply, 0.0, True
+        flight = self._flights[log.key] = _Flight()
+        try:
+            stored = cache.get(log.key) if cache is not None else None
+            if stored is not None:
+                flight.reply = stored
+                return stored, 0.0, True
+            reply, latency_s = await self._send(client, request, log)
+            # A blank reply is mostly a server's hiccup: it counts as unreadable now, and is not held for ever.
+            if cache is not None and reply.text.strip():
+                await asyncio.to_thread(cache.put, log.key, reply, stage=request.stage, client=client.name)
+            flight.reply = reply
+            return reply, latency_s, False
+        finally:
+            del self._flights[log.key]
+            flight.landed.set()
+
+    async def _send(self, client: ChatClient, request: Request, log: _Log) -> tuple[Reply, float]:
+        tries = 0
+        while True:
+            tries += 1
+            start = self._clock()
+            try:
+                reply = await client.complete(request)
+            except SplatReasonerError as error:
+                log.add(type(error).__name__, Reply(str(error)), self._clock() - start, False)
+                if not isinstance(error, RetryError):
+                    raise
+                wait_s = self.retry.wait_s(tries, error, spread=_spread(log.key, tries))
+                if wait_s is None:
+                    raise
+                await self._sleep(wait_s)
+            else:
+                return reply, self._clock() - start
+
+
+class _Log:
+    """The rows of one `ask`."""
+
+    def __init__(self, question: Question, stage: str, subject: str, client: str, prompt_sha256: str) -> None:
+        self.question, self.stage, self.subject, self.prompt_sha256 = question, stage, subject, prompt_sha256
+        self.endpoint, _, model = client.partition(":")
+        self.model = model or client
+        self.attempt, self.key = 0, ""
+        self.rows: list[CallRow] = []
+
+    def add(self, outcome: str, reply: Reply, latency_s: float, cached: bool) -> None:
+        self.rows.append(
+            CallRow(
+                question_id=self.question.question_id,
+                scene=self.question.scene,
+                stage=self.stage,
+                subject=self.subject,
+                key=self.key,
+                endpoint=self.endpoint,
+                model=reply.model or self.model,
+                prompt_sha256=self.prompt_sha256,
+                attempt=self.attempt,
+                outcome=outcome,
+                reply=reply.text,
+                prompt_tokens=reply.prompt_tokens,
+                completion_tokens=reply.completion_tokens,
+                latency_s=latency_s,
+                cached=cached,
+            )
+        )
+
+
+def _spread(key: str, tries: int) -> float:
+    """A number from 0 to 1 fixed by the call, so that no random state is needed and reruns wait alike."""
+    return int(key[(tries * 8) % 56 : (tries * 8) % 56 + 8], 16) / 0xFFFFFFFF

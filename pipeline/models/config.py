@@ -1,0 +1,163 @@
+"""Which model answers which stage, and how it is reached."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+
+from pipeline.models.cache import CallCache
+from pipeline.models.caller import Caller, RetryPolicy
+from pipeline.models.messages import ChatClient, Stage
+from pipeline.models.prompts import REQUIRED, Prompts
+
+STAGES: tuple[Stage, ...] = tuple(name for name in REQUIRED if name != "judge_extra")
+"""Every stage that calls a model."""
+
+
+class ImageConfig(BaseModel):
+    """How pictures are sent to an endpoint."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    side: int = Field(
+        512, ge=16, le=4096, description="longest side sent, pixels; a larger picture is shrunk, none is enlarged"
+    )
+    format: Literal["png", "jpeg"] = Field("png", description="png is exact; jpeg is smaller")
+    jpeg_quality: int = Field(90, ge=1, le=100, description="JPEG quality; ignored for png")
+    detail: Literal["low", "high", "auto"] | None = Field(
+        "high", description="detail asked of the server (OpenAI's image detail); null sends none"
+    )
+
+
+class EndpointConfig(BaseModel):
+    """One model behind one address, with its parameters."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    kind: Literal["symbolic", "openai"] = Field(
+        "symbolic", description="symbolic: the offline stand-in (no VLM); openai: a server with OpenAI's chat API"
+    )
+    base_url: str = Field("", description="address up to and with /v1, such as http://localhost:8000/v1")
+    model: str = Field("", description="model name as the server knows it")
+    key_env: str | None = Field(
+        None, description="environment variable that holds the API key; null for a server that needs none"
+    )
+    temperature: float | None = Field(
+        0.0, ge=0, le=2, description="sampling temperature; null sends none, as some reasoning models require"
+    )
+    top_p: float | None = Field(None, gt=0, le=1, description="nucleus sampling; null sends none")
+    max_tokens: int | None = Field(1024, ge=1, description="longest reply, tokens; null sends no limit")
+    max_tokens_field: Literal["max_tokens", "max_completion_tokens"] = Field(
+        "max_tokens", description="what the server calls that limit; newer OpenAI models want max_completion_tokens"
+    )
+    seed: int | None = Field(None, description="sampling seed, where the server knows one; null sends none")
+    extra_body: dict[str, Any] = Field(
+        default_factory=dict, description="further fields of the request, such as {reasoning_effort: low}"
+    )
+    images: ImageConfig = Field(default_factory=ImageConfig, description="how pictures are sent")
+    connect_timeout_s: float = Field(10.0, gt=0, description="seconds to reach the server")
+    read_timeout_s: float = Field(120.0, gt=0, description="longest silence of the server, seconds")
+    deadline_s: float = Field(180.0, gt=0, description="longest time one request may take in all, seconds")
+    concurrency: int = Field(8, ge=1, le=1024, description="requests under way at once, in each process")
+
+    @field_validator("base_url")
+    @classmethod
+    def _address_without_secrets(cls, value: str) -> str:
+        if value and not value.startswith(("http://", "https://")):
+            raise ValueError("must begin with http:// or https://")
+        if "@" in value or "?" in value:
+            raise ValueError("must hold no user, password or query: name the key's environment variable in key_env")
+        return value.rstrip("/")
+
+    @model_validator(mode="after")
+    def _address_and_model(self) -> EndpointConfig:
+        if self.kind == "openai" and not (self.base_url and self.model):
+            raise ValueError("kind openai needs base_url and model")
+        return self
+
+
+class ModelConfig(BaseModel):
+    """The models of a run. By default every stage is answered offline by the symbolic model."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    endpoints: dict[str, EndpointConfig] = Field(
+        default_factory=lambda: {"symbolic": EndpointConfig()}, description="endpoints by a name of your choice"
+    )
+    default: str = Field("symbolic", description="endpoint of every stage not named in `stages`")
+    stages: dict[Stage, str] = Field(
+        default_factory=dict,
+        description="endpoint by stage: evidence, view_answer, choice, verify, answer_one, answer_many, judge",
+    )
+    prompts: Path | None = Field(
+        None, description="folder of replacement prompts, files named as in pipeline/models/prompts; null for ours"
+    )
+    max_asks: int = Field(2, ge=1, le=10, description="times a stage is asked before a reply counts as unreadable")
+    retry: RetryPolicy = Field(default_factory=RetryPolicy, description="what is done about failures that may pass")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _symbolic_is_always_there(cls, data: Any) -> Any:
+        if isinstance(data, dict) and isinstance(data.get("endpoints"), dict):
+            return data | {"endpoints": {"symbolic": EndpointConfig()} | data["endpoints"]}
+        return data
+
+    @model_validator(mode="after")
+    def _names_are_known(self) -> ModelConfig:
+        for name in self.endpoints:
+            if not name or ":" in name:
+                raise ValueError(f"endpoint name {name!r} must not be empty or hold a colon")
+        for place, name in [("default", self.default), *((f"stages.{s}", n) for s, n in self.stages.items())]:
+            if name not in self.endpoints:
+                raise ValueError(f"{place}: {name!r} is no endpoint; there are {', '.join(sorted(self.endpoints))}")
+        return self
+
+    def endpoint_of(self, stage: Stage) -> str:
+        """Return the name of the endpoint that answers a stage."""
+        return self.stages.get(stage, self.default)
+
+    def symbolic_stages(self) -> frozenset[Stage]:
+        """Return the stages answered offline, whose replies cost nothing and are not stored."""
+        return frozenset(stage for stage in STAGES if self.endpoints[self.endpoint_of(stage)].kind == "symbolic")
+
+
+def make_clients(config: ModelConfig) -> dict[Stage, ChatClient]:
+    """Return a client for every stage; stages of one endpoint share it.
+
+    Raises:
+        InputError: An endpoint in use names an environment variable that is not set.
+    """
+    clients: dict[str, ChatClient] = {}
+    for name in sorted({config.endpoint_of(stage) for stage in STAGES}):
+        endpoint = config.endpoints[name]
+        if endpoint.kind == "symbolic":
+            from pipeline.models.symbolic import SymbolicModel
+
+            clients[name] = SymbolicModel()
+        else:
+            from pipeline.models.endpoint import EndpointClient
+
+            clients[name] = EndpointClient(name, endpoint)
+    return {stage: clients[config.endpoint_of(stage)] for stage in STAGES}
+
+
+def make_caller(config: ModelConfig, cache: Path | None) -> Caller:
+    """Return the caller of a run.
+
+    Args:
+        config: Models, prompts and retries.
+        cache: Folder of stored replies, such as a run's `calls`; None to store none.
+
+    Raises:
+        InputError: A key is not set or a prompt is wrong.
+    """
+    return Caller(
+        make_clients(config),
+        Prompts.load(config.prompts),
+        None if cache is None else CallCache(cache),
+        max_asks=config.max_asks,
+        retry=config.retry,
+        uncached=config.symbolic_stages(),
+    )

@@ -1,0 +1,266 @@
+"""Client of a server with OpenAI's chat API: cloud, vLLM, Ollama, llama.cpp. The only file that speaks HTTP.
+
+One call of `complete` is one request: the library's own retries are off, because `Caller` retries by error type. The
+reply is read here from its raw bytes, so that a cut body, HTML with status 200 or an error inside a 200 become errors
+of our tree. The key is read from the environment when a connection is opened; the object, its repr, its pickle and its
+errors do not hold it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import io
+import json
+import os
+import time
+import weakref
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC
+from email.utils import parsedate_to_datetime
+from typing import Any
+
+import openai
+from PIL import Image
+
+from pipeline.models.config import EndpointConfig, ImageConfig
+from pipeline.models.messages import ImagePart, Reply, Request
+from schemas.errors import InputError, QuestionError, RateLimitError, RetryError, SplatReasonerError, StopError
+
+TEXT_LIMIT = 300
+"""Characters of a server's message kept in an error."""
+
+STOP_STATUS = frozenset({401, 402, 403, 404, 405, 407, 410})
+"""Bad key, no money, no right, no such model or address: the next request would fail alike."""
+RETRY_STATUS = frozenset({408, 409, 425, 429})
+"""Client errors that pass; every 5xx does too."""
+STOP_CODES = frozenset({"insufficient_quota", "billing_hard_limit_reached", "invalid_api_key", "model_not_found"})
+"""Error codes that end a run whatever status they come with: an exhausted quota is sent as 429."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Connection:
+    """What belongs to one event loop: sockets and locks cannot move to another."""
+
+    client: openai.AsyncOpenAI
+    slots: asyncio.Semaphore
+
+
+class EndpointClient:
+    """A `ChatClient` for one endpoint. May be pickled and used from several event loops, one after another.
+
+    Args:
+        name: The endpoint's name in the job file.
+        config: Address, model and parameters.
+
+    Raises:
+        InputError: `key_env` names a variable that is not set.
+    """
+
+    def __init__(self, name: str, config: EndpointConfig) -> None:
+        self._endpoint, self._config = name, config
+        self._connections: weakref.WeakKeyDictionary[asyncio.AbstractEventLoop, _Connection]
+        self._connections = weakref.WeakKeyDictionary()
+        self._key()
+
+    @property
+    def name(self) -> str:
+        """Endpoint and model, as rows record it."""
+        return f"{self._endpoint}:{self._config.model}"
+
+    def identity(self) -> Mapping[str, Any]:
+        """Return what changes a reply; timeouts, concurrency and the key's variable do not."""
+        kept = {"kind", "base_url", "model", "temperature", "top_p", "max_tokens", "seed", "extra_body", "images"}
+        return self._config.model_dump(mode="json", include=kept)
+
+    async def complete(self, request: Request) -> Reply:
+        """Send one request and return the reply.
+
+        Raises:
+            RateLimitError: Status 429, or 503 with a Retry-After.
+            RetryError: Timeout, deadline, connection lost, 5xx, a body that is no chat reply.
+            QuestionError: The request is too long, malformed or refused.
+            StopError: Bad key, no quota, unknown model or address.
+        """
+        connection = self._connect()
+        body = await asyncio.to_thread(self._body, request)
+        try:
+            async with connection.slots, asyncio.timeout(self._config.deadline_s):
+                response = await connection.client.chat.completions.with_raw_response.create(**body)
+        except openai.APIStatusError as error:
+            raise self._status_error(error) from None
+        except openai.APITimeoutError:
+            raise RetryError(f"{self.name}: timed out (read timeout {self._config.read_timeout_s:g} s)") from None
+        except TimeoutError:
+            raise RetryError(f"{self.name}: no reply within {self._config.deadline_s:g} s") from None
+        except openai.APIConnectionError as error:
+            raise RetryError(self._clean(f"connection failed: {error.__cause__ or error}")) from None
+        except openai.OpenAIError as error:
+            raise RetryError(self._clean(f"unusable reply: {error}")) from None
+        return self._read(response.http_response.content)
+
+    async def aclose(self) -> None:
+        """Close the connections of the running event loop."""
+        connection = self._connections.pop(asyncio.get_running_loop(), None)
+        if connection is not None:
+            await connection.client.close()
+
+    def __repr__(self) -> str:
+        return f"EndpointClient({self.name!r})"
+
+    def __getstate__(self) -> tuple[str, EndpointConfig]:
+        return self._endpoint, self._config
+
+    def __setstate__(self, state: tuple[str, EndpointConfig]) -> None:
+        self.__init__(*state)  # type: ignore[misc]
+
+    def _key(self) -> str:
+        variable = self._config.key_env
+        key = os.environ.get(variable, "").strip() if variable else "none"
+        if not key:
+            expected = f"the API key of endpoint {self._endpoint!r}"
+            raise InputError(f"environment variable {variable}", expected=expected, found="nothing")
+        return key
+
+    def _connect(self) -> _Connection:
+        loop = asyncio.get_running_loop()
+        connection = self._connections.get(loop)
+        if connection is None:
+            timeout = openai.Timeout(
+                self._config.deadline_s, connect=self._config.connect_timeout_s, read=self._config.read_timeout_s
+            )
+            client = openai.AsyncOpenAI(
+                api_key=self._key(), base_url=self._config.base_url, max_retries=0, timeout=timeout
+            )
+            connection = self._connections[loop] = _Connection(client, asyncio.Semaphore(self._config.concurrency))
+        return connection
+
+    def _body(self, request: Request) -> dict[str, Any]:
+        config = self._config
+        body: dict[str, Any] = {
+            "model": config.model,
+            "messages": [
+                {"role": message.role, "content": _content(message.parts, config.images)}
+                for message in request.messages
+            ],
+            "temperature": config.temperature,
+            "top_p": config.top_p,
+            config.max_tokens_field: config.max_tokens,
+            "seed": config.seed,
+            "extra_body": config.extra_body or None,
+        }
+        return {field: value for field, value in body.items() if value is not None}
+
+    def _read(self, content: bytes) -> Reply:
+        try:
+            data = json.loads(content)
+        except (ValueError, RecursionError):
+            raise RetryError(self._clean(f"the reply is no JSON: {content[:80]!r}")) from None
+        error = data.get("error") if isinstance(data, dict) else None
+        if error:
+            code = error.get("code") if isinstance(error, dict) else None
+            status = code if isinstance(code, int) else 500
+            raise self._classify(status, code, _message(error), None)
+        try:
+            choice = data["choices"][0]
+            message, finish = choice["message"], choice.get("finish_reason")
+            text = _text(message.get("content"))
+            usage = data.get("usage") or {}
+            tokens = [int(usage.get(field) or 0) for field in ("prompt_tokens", "completion_tokens")]
+            model = str(data.get("model") or self._config.model)
+        except (KeyError, IndexError, TypeError, AttributeError, ValueError):
+            raise RetryError(self._clean(f"the reply is no chat completion: {content[:80]!r}")) from None
+        if message.get("refusal"):
+            raise QuestionError(self._clean(f"refused: {message['refusal']}"))
+        if finish == "content_filter":
+            raise QuestionError(self._clean("refused by the server's content filter"))
+        return Reply(text, tokens[0], tokens[1], model)
+
+    def _status_error(self, error: openai.APIStatusError) -> SplatReasonerError:
+        message = _message(error.body) or error.message
+        return self._classify(error.status_code, error.code, message, _retry_after_s(error.response.headers))
+
+    def _classify(self, status: int, code: object, message: str, retry_after_s: float | None) -> SplatReasonerError:
+        text = self._clean(f"HTTP {status}: {message}")
+        if code in STOP_CODES or status in STOP_STATUS:
+            return StopError(text)
+        if status == 429 or (status == 503 and retry_after_s is not None):
+            return RateLimitError(text, retry_after_s)
+        if status >= 500 or status in RETRY_STATUS:
+            return RetryError(text)
+        return QuestionError(text)
+
+    def _clean(self, text: str) -> str:
+        """Servers repeat the key in their messages at times."""
+        key = os.environ.get(self._config.key_env or "", "").strip()
+        text = " ".join(text.split())
+        text = text.replace(key, "***") if key else text
+        return f"{self.name}: {text[:TEXT_LIMIT]}"
+
+
+def _content(parts: tuple[str | ImagePart, ...], images: ImageConfig) -> str | list[dict[str, Any]]:
+    """Plain text where there is no image: some servers take lists of parts from vision models only."""
+    if all(isinstance(part, str) for part in parts):
+        return "".join(part for part in parts if isinstance(part, str))
+    return [
+        {"type": "text", "text": part}
+        if isinstance(part, str)
+        else {"type": "image_url", "image_url": _url(part, images)}
+        for part in parts
+    ]
+
+
+def _url(part: ImagePart, config: ImageConfig) -> dict[str, str]:
+    image = Image.fromarray(part.color)
+    if max(image.size) > config.side:
+        image.thumbnail((config.side, config.side), Image.Resampling.LANCZOS)
+    buffer = io.BytesIO()
+    if config.format == "png":
+        image.save(buffer, "PNG")
+    else:
+        image.save(buffer, "JPEG", quality=config.jpeg_quality)
+    url = {"url": f"data:image/{config.format};base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}"}
+    return url | ({"detail": config.detail} if config.detail else {})
+
+
+def _text(content: object) -> str:
+    """Servers send null, a text, or a list of parts."""
+    if content is None:
+        return ""
+    if isinstance(content, str):
+        return content
+    if isinstance(content, list):
+        return "".join(str(part["text"]) for part in content if part.get("type") == "text")
+    raise TypeError("content is neither text nor parts")
+
+
+def _message(body: object) -> str:
+    if isinstance(body, Mapping):
+        inner = body.get("error", body)
+        return str(inner.get("message") or inner) if isinstance(inner, Mapping) else str(inner)
+    return str(body) if body else ""
+
+
+def _retry_after_s(headers: Mapping[str, str]) -> float | None:
+    """Return the wait a server asked for: milliseconds, seconds, or an HTTP date measured by the server's own clock."""
+    for header, scale in (("retry-after-ms", 1e-3), ("retry-after", 1.0)):
+        try:
+            seconds = float(headers.get(header, "")) * scale
+        except ValueError:
+            continue
+        if 0 <= seconds < float("inf"):
+            return seconds
+    until = _http_date(headers.get("retry-after", ""))
+    if until is None:
+        return None
+    now = _http_date(headers.get("date", ""))
+    return max(0.0, until - (time.time() if now is None else now))
+
+
+def _http_date(text: str) -> float | None:
+    try:
+        date = parsedate_to_datetime(text)
+    except ValueError:
+        return None
+    return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()

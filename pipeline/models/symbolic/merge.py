@@ -1,0 +1,81 @@
+"""Which parts of a view are one object: those that something nearer cuts apart, and those that stand on one spot."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float, Int64
+
+from pipeline.models.symbolic.components import Parts, jump_limit
+
+HIDDEN_GAP_M = 0.5
+"""Widest gap bridged behind an occluder: a chair before a bed hides about this much of it."""
+UPRIGHT_GAP_M = 0.45
+"""Tallest gap bridged within one upright thing, such as the pole between a lamp's shade and foot."""
+UPRIGHT_OVERLAP = 0.5
+"""Share of the narrower part's footprint that must lie over the other for them to be one upright thing."""
+OCCLUDED_SHARE = 0.5
+"""Share of the pixels between two parts that must lie nearer than both."""
+PROBES = 16
+"""Pixels looked at between two parts."""
+
+
+def merge_parts(
+    parts: Parts,
+    depth_m: Float[np.ndarray, "H W"],
+    low: Float[np.ndarray, "P 3"],
+    high: Float[np.ndarray, "P 3"],
+) -> Int64[np.ndarray, "P"]:
+    """Return the object of each part: the index of its largest part.
+
+    Args:
+        parts: Parts of a view, largest first.
+        depth_m: z-depth of the view, metres.
+        low: Lower corner of each part's box in gravity-aligned axes (right, up, forward), metres.
+        high: Upper corner.
+    """
+    owner = np.arange(len(parts.category))
+    for first in range(len(owner)):
+        same = np.flatnonzero(parts.category[first + 1 :] == parts.category[first]) + first + 1
+        for second in same:
+            if owner[second] == owner[first]:
+                continue
+            gap = np.maximum(0.0, np.maximum(low[first] - high[second], low[second] - high[first]))
+            upright = _one_upright_thing(low[[first, second]], high[[first, second]], gap)
+            if upright or (
+                np.linalg.norm(gap) <= HIDDEN_GAP_M and _cut_by_something_nearer(parts, depth_m, first, int(second))
+            ):
+                old, new = max(owner[first], owner[second]), min(owner[first], owner[second])
+                owner[owner == old] = new
+    return owner.astype(np.int64)
+
+
+def _one_upright_thing(
+    low: Float[np.ndarray, "2 3"], high: Float[np.ndarray, "2 3"], gap: Float[np.ndarray, "3"]
+) -> bool:
+    if gap[1] > UPRIGHT_GAP_M or gap[0] > 0 or gap[2] > 0:
+        return False
+    stacked = max(low[0, 1], low[1, 1]) > min(high[0, 1], high[1, 1]) - 0.25 * min(high[:, 1] - low[:, 1])
+    overlap = np.minimum(high[0], high[1]) - np.maximum(low[0], low[1])
+    narrow = np.minimum(high[0] - low[0], high[1] - low[1])
+    return bool(stacked and overlap[0] >= UPRIGHT_OVERLAP * narrow[0] and overlap[2] >= UPRIGHT_OVERLAP * narrow[2])
+
+
+def _cut_by_something_nearer(parts: Parts, depth_m: Float[np.ndarray, "H W"], first: int, second: int) -> bool:
+    """Walk from one part to the other where they are closest and ask what lies between."""
+    width = depth_m.shape[1]
+    ends = []
+    for part in (first, second):
+        begin, end = np.searchsorted(parts.sample_part, [part, part + 1])
+        ends.append(np.stack(np.divmod(parts.sample_pixel[begin:end], width), axis=1))
+    a, b = ends[0][:, None], ends[1][None]
+    nearest = np.unravel_index(int(((a - b) ** 2).sum(axis=-1).argmin()), (len(ends[0]), len(ends[1])))
+    start, stop = ends[0][nearest[0]], ends[1][nearest[1]]
+    fraction = (np.arange(PROBES) + 0.5) / PROBES
+    row, column = np.rint(start + fraction[:, None] * (stop - start)).astype(np.int64).T
+    between = (parts.labels[row, column] != first) & (parts.labels[row, column] != second)
+    if not between.any():
+        return False
+    expected = depth_m[start[0], start[1]] * (1 - fraction) + depth_m[stop[0], stop[1]] * fraction
+    found = depth_m[row, column]
+    nearer = (found > 0) & (found < expected - 0.5 * jump_limit(expected))
+    return bool(nearer[between].mean() > OCCLUDED_SHARE)

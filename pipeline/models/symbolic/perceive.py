@@ -1,0 +1,229 @@
+"""What a weak observer makes out in one view: things with a name, a colour, a place and a size.
+
+Positions are metres in axes at the camera, aligned with gravity: right, up, forward. Only visible surfaces count:
+a box is the box of what is seen, never of the whole object.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float, Int64
+
+from pipeline.models.messages import ImagePart
+from pipeline.models.symbolic.components import Parts, find_parts, jump_limit
+from pipeline.models.symbolic.merge import merge_parts
+from pipeline.models.symbolic.knowledge import STRUCTURE
+from pipeline.scene.color_names import COLOR_NAMES, name_colors
+
+PATCH_SHARE = 1 / 24**2
+"""Share of the image in one patch of a vision transformer at 336 px (14 px patches): the unit of what it can see."""
+PART_SHARE = 0.1 * PATCH_SHARE
+"""Smaller patches are speckle: they are part of nothing."""
+SEEN_SHARE = 0.5 * PATCH_SHARE
+"""A thing with less area than this (67 pixels of 320 x 240) is not recognised."""
+CLEAR_SHARE = 2.0 * PATCH_SHARE
+"""A thing with less area than this (267 pixels of 320 x 240) is recognised but not with certainty."""
+CUT_FACTOR = 2.0
+"""A thing that the image border cuts must show this much more to be recognised: its outline says less."""
+TRIM = 0.04
+"""Share of samples dropped at each end of an extent: blended edge pixels lie between two surfaces."""
+MAX_PIXELS = 320 * 240
+"""Larger views are read at a whole-number stride: the patches above do not need more."""
+LEVEL_VIEW = 0.1
+"""Sine of the angle between view and vertical below which "forward" is read off the image's up direction."""
+
+
+@dataclass(frozen=True, slots=True)
+class Thing:
+    """One thing seen in a view."""
+
+    name: str
+    """Category name."""
+    share: float
+    """Share of the image it covers, 0 to 1."""
+    center: tuple[float, float]
+    """Centre of its outline's box: column and row as shares of width and height."""
+    cut: bool
+    """The image border cuts it."""
+    clear: bool
+    """Large and whole enough to be certain of its name."""
+    color: str
+    """Name most of its pixels carry."""
+    second_color: str
+    """Next most frequent name where it is common too, else empty."""
+    bright: float
+    """Mean brightness, 0 to 1."""
+    low: Float[np.ndarray, "3"]
+    """Lower corner of its visible box: right, up, forward, metres."""
+    high: Float[np.ndarray, "3"]
+    """Upper corner."""
+    distance: float
+    """Median distance from the camera, metres."""
+    flatness: float
+    """How far its visible points stray from one vertical plane, metres (root mean square)."""
+    facing: float
+    """Direction of that plane in the horizontal, radians in 0 to pi; 0 is across the view."""
+
+    @property
+    def middle(self) -> Float[np.ndarray, "3"]:
+        """Centre of the visible box."""
+        return 0.5 * (self.low + self.high)
+
+    @property
+    def size(self) -> Float[np.ndarray, "3"]:
+        """Sides of the visible box: right, up, forward."""
+        return self.high - self.low
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """All that is seen in one view."""
+
+    things: tuple[Thing, ...]
+    """Recognised things, largest first; walls, floor and ceiling are among them."""
+    contacts: Mapping[tuple[int, int], float] = field(default_factory=dict)
+    """(upper, lower) indices of things that touch, upper one over the lower in the image: share of the upper one's
+    lower outline."""
+
+    def named(self, names: frozenset[str]) -> list[int]:
+        """Return the indices of things that carry one of the names, largest first."""
+        return [index for index, thing in enumerate(self.things) if thing.name in names]
+
+
+def perceive(image: ImagePart) -> View:
+    """Return what can be made out in an image; nothing where it has no observation."""
+    seen = image.observation
+    if seen is None:
+        return View(())
+    height, width = seen.category.shape
+    stride = max(1, int(np.ceil(np.sqrt(height * width / MAX_PIXELS))))
+    category, depth = seen.category[::stride, ::stride], np.asarray(seen.depth[::stride, ::stride], np.float32)
+    color = image.color[::stride, ::stride]
+    category = np.where(category < len(seen.vocabulary), category, -1)
+    pixels = category.size
+    parts = find_parts(category, depth, max(4, int(PART_SHARE * pixels)))
+    if not len(parts.category):
+        return View(())
+    points = _points(parts, depth, np.asarray(seen.K, np.float64), np.asarray(seen.up, np.float64), stride)
+    low, high = _boxes(parts, points)
+    owner = merge_parts(parts, depth, low, high)
+    rgb = np.asarray(color, np.float64).reshape(-1, 3)[parts.sample_pixel] / 255.0
+    names, bright = name_colors(rgb), rgb.max(axis=1)
+    begins = np.searchsorted(parts.sample_part, np.arange(len(owner) + 1))
+    things, index_of_owner = [], {}
+    for first in np.unique(owner):
+        members = np.flatnonzero(owner == first)
+        samples = np.concatenate([np.arange(begins[m], begins[m + 1]) for m in members])
+        thing = _thing(
+            seen.vocabulary[parts.category[first]],
+            int(parts.pixels[members].sum()) / pixels,
+            parts.bounds[members],
+            (low[members].min(axis=0), high[members].max(axis=0)),
+            points[samples],
+            names[samples],
+            float(bright[samples].mean()),
+            depth.shape,
+        )
+        if thing is not None:
+            index_of_owner[int(first)] = len(things)
+            things.append((thing, int(first)))
+    things.sort(key=lambda pair: (-pair[0].share, pair[1]))
+    index_of_part = np.full(len(owner) + 1, -1)
+    rank = {first: index for index, (_, first) in enumerate(things)}
+    index_of_part[:-1] = [rank.get(int(first), -1) for first in owner]
+    return View(tuple(thing for thing, _ in things), _contacts(index_of_part[parts.labels], depth, len(things)))
+
+
+def _points(
+    parts: Parts, depth: Float[np.ndarray, "H W"], K: Float[np.ndarray, "3 3"], up: Float[np.ndarray, "3"], stride: int
+) -> Float[np.ndarray, "S 3"]:
+    """Unproject the samples into right, up, forward."""
+    row, column = np.divmod(parts.sample_pixel, depth.shape[1])
+    z = depth.ravel()[parts.sample_pixel].astype(np.float64)
+    x = (column * stride + 0.5 - K[0, 2]) / K[0, 0] * z
+    y = (row * stride + 0.5 - K[1, 2]) / K[1, 1] * z
+    up = up / np.linalg.norm(up)
+    forward = np.array([0.0, 0.0, 1.0]) - up[2] * up
+    if np.linalg.norm(forward) < LEVEL_VIEW:
+        top = np.array([0.0, np.sign(up[2]) or 1.0, 0.0])
+        forward = top - (top @ up) * up
+    forward /= np.linalg.norm(forward)
+    axes = np.stack([np.cross(forward, up), up, forward])
+    return np.stack([x, y, z], axis=1) @ axes.T
+
+
+def _boxes(parts: Parts, points: Float[np.ndarray, "S 3"]) -> tuple[Float[np.ndarray, "P 3"], Float[np.ndarray, "P 3"]]:
+    count = len(parts.category)
+    begins = np.searchsorted(parts.sample_part, np.arange(count + 1))
+    low, high = np.empty((count, 3)), np.empty((count, 3))
+    for part in range(count):
+        ordered = np.sort(points[begins[part] : begins[part + 1]], axis=0)
+        trim = int(TRIM * len(ordered))
+        low[part], high[part] = ordered[trim], ordered[len(ordered) - 1 - trim]
+    return low, high
+
+
+def _thing(
+    name: str,
+    share: float,
+    bounds: Int64[np.ndarray, "G 4"],
+    box: tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]],
+    points: Float[np.ndarray, "S 3"],
+    colors: Int64[np.ndarray, "S"],
+    bright: float,
+    shape: tuple[int, ...],
+) -> Thing | None:
+    height, width = shape
+    left, top = bounds[:, 0].min(), bounds[:, 1].min()
+    right, bottom = bounds[:, 2].max(), bounds[:, 3].max()
+    cut = bool(left == 0 or top == 0 or right == width - 1 or bottom == height - 1)
+    needed = CUT_FACTOR if cut and name not in STRUCTURE else 1.0
+    if share < SEEN_SHARE * needed:
+        return None
+    counts = np.bincount(colors, minlength=len(COLOR_NAMES))
+    order = np.argsort(-counts, kind="stable")
+    second = COLOR_NAMES[int(order[1])] if counts[order[1]] >= 0.3 * len(colors) else ""
+    flatness, facing = _upright_plane(points)
+    return Thing(
+        name=name,
+        share=share,
+        center=(float(0.5 * (left + right + 1) / width), float(0.5 * (top + bottom + 1) / height)),
+        cut=cut,
+        clear=share >= CLEAR_SHARE * needed,
+        color=COLOR_NAMES[int(order[0])],
+        second_color=second,
+        bright=bright,
+        low=box[0],
+        high=box[1],
+        distance=float(np.median(np.linalg.norm(points, axis=1))),
+        flatness=flatness,
+        facing=facing,
+    )
+
+
+def _upright_plane(points: Float[np.ndarray, "S 3"]) -> tuple[float, float]:
+    """Fit a line to the points seen from above: the spread off it and its direction."""
+    flat = points[:, [0, 2]] - points[:, [0, 2]].mean(axis=0)
+    (xx, xy), (_, yy) = flat.T @ flat / len(flat)
+    spread = 0.5 * (xx + yy) - np.hypot(0.5 * (xx - yy), xy)
+    return float(np.sqrt(max(spread, 0.0))), float(0.5 * np.arctan2(2 * xy, xx - yy) % np.pi)
+
+
+def _contacts(
+    thing: Int64[np.ndarray, "H W"], depth: Float[np.ndarray, "H W"], count: int
+) -> dict[tuple[int, int], float]:
+    """Count, per pair of things, the columns where one ends right above the other at the same depth."""
+    upper, lower = thing[:-1], thing[1:]
+    where = np.flatnonzero((upper != lower) & (upper >= 0))
+    above, below = upper.ravel()[where], lower.ravel()[where]
+    near, far = depth[1:].ravel()[where], depth[:-1].ravel()[where]
+    outline = np.bincount(above, minlength=count)
+    touching = (below >= 0) & (np.abs(near - far) <= jump_limit(far))
+    pairs, found = np.unique(above[touching] * count + below[touching], return_counts=True)
+    return {
+        (int(pair // count), int(pair % count)): float(n / outline[pair // count])
+        for pair, n in zip(pairs, found, strict=True)
+    }

@@ -1,0 +1,129 @@
+"""Putting an answer into words: names with articles, lists, places, hedges."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pipeline.models.symbolic.knowledge import GROUND, STRUCTURE, UPRIGHT
+from pipeline.models.symbolic.perceive import View
+from pipeline.models.symbolic.phrases import Phrase
+from pipeline.models.symbolic.relations import above, behind, gap_m, inside, next_to, on, under
+from pipeline.models.symbolic.words import singular
+
+SPOKEN = {"left": "to the left of", "right": "to the right of", "nearest": "nearest to", "farthest": "farthest from"}
+"""How relations are said where their name is not how one says it."""
+
+_ALWAYS_PLURAL = frozenset({"stairs", "blinds", "clothes", "headphones"})
+
+
+def hedged(sentence: str, sure: bool) -> str:
+    """Return a sentence as it is, or with a doubt before it."""
+    if sure:
+        return sentence
+    lowered = sentence[0].lower() + sentence[1:] if not sentence.startswith("I ") else sentence
+    return f"It looks like {lowered}"
+
+
+def with_article(name: str) -> str:
+    """Return "a chair", "an oven", "stairs"."""
+    if name in _ALWAYS_PLURAL:
+        return name
+    return f"{'an' if name[0] in 'aeiou' else 'a'} {name}"
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return "a lamp, a book and two cups" for names with repeats."""
+    counts: dict[str, int] = {}
+    for name in names:
+        counts[name] = counts.get(name, 0) + 1
+    said = [with_article(name) if n == 1 else f"{n} {plural(name)}" for name, n in counts.items()]
+    return said[0] if len(said) == 1 else f"{', '.join(said[:-1])} and {said[-1]}"
+
+
+def plural(name: str) -> str:
+    """Return the plural of a category name."""
+    if name in _ALWAYS_PLURAL or singular(name) != name:
+        return name
+    if name.endswith("shelf"):
+        return name[:-1] + "ves"
+    if name == "mouse":
+        return "mice"
+    if name.endswith(("s", "x", "ch", "sh")):
+        return name + "es"
+    if name.endswith("y") and name[-2] not in "aeiou":
+        return name[:-1] + "ies"
+    return name + "s"
+
+
+def be(phrase: Phrase) -> str:
+    """Return "is" or "are" for a noun."""
+    return "are" if phrase.plural else "is"
+
+
+def said(phrase: Phrase, name: str) -> str:
+    """Return the noun the question used, or the name of what was seen where it used none."""
+    return phrase.words or name
+
+
+def link_words(phrase: Phrase) -> str:
+    """Return what a phrase says of the place, such as "on the table next to the bed"; empty when it says nothing."""
+    said_links = []
+    for link in phrase.links:
+        relation = SPOKEN.get(link.relation, link.relation)
+        ends = [link.anchor] + ([link.other] if link.other else [])
+        things = " and ".join(f"the {end.words or 'thing'}{_with_space(link_words(end))}" for end in ends)
+        said_links.append(f"{relation} {things}")
+    return " and ".join(said_links)
+
+
+def place_of(view: View, index: int, *, without: frozenset[str] = frozenset()) -> tuple[str, bool] | None:
+    """Return where a thing is ("on the table") and whether that is sure, or None where nothing near it is seen.
+
+    What holds it says most, then what covers or hides it, then what stands next to it; the floor says least.
+
+    Args:
+        view: The view.
+        index: The thing.
+        without: Names not to be used, such as its own.
+    """
+    thing = view.things[index]
+    others = [i for i, other in enumerate(view.things) if i != index and other.name not in without]
+    furniture = [i for i in others if view.things[i].name not in STRUCTURE | GROUND]
+    for relation, words in ((inside, "in"), (on, "on"), (under, "under")):
+        holders = [i for i in furniture if relation(view, index, i) >= 1.0 and view.things[i].name != thing.name]
+        if words == "on":
+            holders = [i for i in holders if view.things[i].name not in UPRIGHT]
+        if holders:
+            best = min(holders, key=lambda i: (-view.contacts.get((index, i), 0.0), view.things[i].share, i))
+            return f"{words} the {view.things[best].name}", view.things[best].clear
+    beside = _beside(view, index, furniture)
+    hanging = [i for i in others if view.things[i].name in UPRIGHT and on(view, index, i) >= 1.0]
+    if hanging:
+        over = [i for i in furniture if above(view, index, i) >= 1.0]
+        place = f"on the {view.things[hanging[0]].name}"
+        if over:
+            lowest = min(over, key=lambda i: (gap_m(thing, view.things[i]), i))
+            return f"{place} above the {view.things[lowest].name}", view.things[lowest].clear
+        return (f"{place} {beside[0]}", beside[1]) if beside else (place, True)
+    for i in sorted(furniture, key=lambda i: (gap_m(thing, view.things[i]), i)):
+        if behind(view, index, i) >= 1.0 and gap_m(thing, view.things[i]) < 0.5:
+            return f"behind the {view.things[i].name}", view.things[i].clear
+    if beside:
+        return beside
+    standing = [i for i in others if view.things[i].name in GROUND and on(view, index, i) >= 1.0]
+    return (f"on the {view.things[standing[0]].name}", False) if standing else None
+
+
+def _beside(view: View, index: int, furniture: Sequence[int]) -> tuple[str, bool] | None:
+    """The nearest neighbour, furniture that everybody sees before small things."""
+    thing = view.things[index]
+    close = [(i, next_to(view, index, i)) for i in furniture if view.things[i].name != thing.name]
+    close = [(i, degree) for i, degree in close if degree > 0.5]
+    if not close:
+        return None
+    best, degree = max(close, key=lambda pair: (round(pair[1], 2), view.things[pair[0]].share, -pair[0]))
+    return f"next to the {view.things[best].name}", degree >= 1.0 and view.things[best].clear
+
+
+def _with_space(text: str) -> str:
+    return f" {text}" if text else ""

@@ -1,0 +1,42 @@
+"""Seconds by stage: what every stage of a question reports beside its result."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class StageTime:
+    """How long one stage took."""
+
+    stage: str
+    """Stage, as in table `timings`."""
+    seconds: float
+    """Wall seconds."""
+    count: int
+    """Items handled."""
+    whole_scene: bool = False
+    """Work done once for the scene, whichever question came first."""
+
+
+class Stopwatch:
+    """Collects the times of one question's stages, in the order in which they ended."""
+
+    def __init__(self) -> None:
+        self._times: list[StageTime] = []
+
+    @contextmanager
+    def stage(self, name: str, count: int = 0, *, whole_scene: bool = False) -> Iterator[None]:
+        """Time the block as one stage that handled `count` items; also when it raises."""
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self._times.append(StageTime(name, time.perf_counter() - start, count, whole_scene))
+
+    def times(self) -> tuple[StageTime, ...]:
+        """Return what was timed so far."""
+        return tuple(self._times)

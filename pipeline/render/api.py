@@ -1,0 +1,127 @@
+"""What callers use: checks arguments, prepares where needed, and hands over to the phases or to the reference.
+
+The kernels, and numba with them, are imported at the first frame, so that importing this package stays cheap.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from jaxtyping import Int32
+
+from pipeline.geometry import Camera
+from pipeline.render.prepare import PreparedGaussians, prepare
+from pipeline.render.reference import render_float64
+from pipeline.render.rendering import Rendering
+from pipeline.scene.gaussians import Gaussians
+from schemas.errors import InputError
+
+OUTPUTS = ("color", "depth", "alpha", "dominant")
+"""What a frame can hold; `dominant` brings its weight along."""
+DEFAULT_NEAR_M = 0.2
+"""Near plane of the reference rasteriser."""
+
+
+def render(
+    gaussians: Gaussians | PreparedGaussians,
+    camera: Camera,
+    outputs: Iterable[str] = OUTPUTS,
+    *,
+    background: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    near: float = DEFAULT_NEAR_M,
+    sh_degree: int | None = None,
+    antialias: bool = False,
+    threads: int = 1,
+) -> Rendering:
+    """Return images of the Gaussians as the camera sees them; the same bits at any thread count.
+
+    Only what is asked for is computed: `dominant` alone needs no colour and stops earliest.
+
+    Args:
+        gaussians: The scene. Prepare it once (`prepare`) when more than one view is rendered.
+        camera: Lens, pose and image size.
+        outputs: Any of color, depth, alpha, dominant.
+        background: Linear RGB seen where transmittance is left.
+        near: Gaussians at z <= near are left out, metres, 0 or more.
+        sh_degree: Highest spherical-harmonics degree used; None for what the scene holds.
+        antialias: Dim Gaussians by what the low-pass widened them.
+        threads: Threads inside this frame. One core per view beats several in one view.
+
+    Raises:
+        InputError: An argument is not as described.
+    """
+    from pipeline.render.passes import render_frame
+
+    prepared = gaussians if isinstance(gaussians, PreparedGaussians) else prepare(gaussians)
+    wanted = _checked_outputs(outputs)
+    degree = _checked_degree(sh_degree, prepared.sh_degree)
+    _check_near(near)
+    if threads < 1:
+        raise InputError("render", field="threads", expected="1 or more", found=threads)
+    return render_frame(
+        prepared,
+        camera,
+        wanted,
+        background=background,
+        near=near,
+        sh_degree=degree,
+        antialias=antialias,
+        threads=threads,
+    )
+
+
+def render_reference(
+    gaussians: Gaussians,
+    camera: Camera,
+    outputs: Iterable[str] = OUTPUTS,
+    *,
+    background: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    near: float = DEFAULT_NEAR_M,
+    sh_degree: int | None = None,
+    antialias: bool = False,
+    threads: int = 1,
+) -> Rendering:
+    """Return what `render` should, in NumPy float64, Gaussian by Gaussian: slow, obvious, for small scenes.
+
+    Arguments are those of `render`; `threads` is accepted and ignored.
+
+    Raises:
+        InputError: An argument is not as described.
+    """
+    wanted = _checked_outputs(outputs)
+    degree = _checked_degree(sh_degree, gaussians.sh_degree)
+    _check_near(near)
+    return render_float64(
+        gaussians, camera, wanted, background=background, near=near, sh_degree=degree, antialias=antialias
+    )
+
+
+def visible_ids(
+    gaussians: Gaussians | PreparedGaussians, camera: Camera, *, near: float = DEFAULT_NEAR_M, threads: int = 1
+) -> Int32[np.ndarray, "n"]:
+    """Return the Gaussians that dominate at least one pixel: sorted, unique indices (paper, G_vis of one view)."""
+    dominant = render(gaussians, camera, ("dominant",), near=near, threads=threads).dominant
+    assert dominant is not None
+    ids = np.unique(dominant)
+    return ids[ids >= 0]
+
+
+def _checked_outputs(outputs: Iterable[str]) -> frozenset[str]:
+    wanted = frozenset(outputs)
+    if not wanted or isinstance(outputs, str) or not wanted <= set(OUTPUTS):
+        raise InputError("render", field="outputs", expected=f"one or more of {OUTPUTS}", found=outputs)
+    return wanted
+
+
+def _checked_degree(sh_degree: int | None, stored: int) -> int:
+    if sh_degree is None:
+        return stored
+    if not 0 <= sh_degree <= stored:
+        raise InputError("render", field="sh_degree", expected=f"0 to {stored}, as stored", found=sh_degree)
+    return sh_degree
+
+
+def _check_near(near: float) -> None:
+    if not (np.isfinite(near) and near >= 0):
+        raise InputError("render", field="near", expected="a distance of 0 m or more", found=near)

@@ -1,0 +1,145 @@
+# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
+"""Front-to-back compositing of a range of tiles.
+
+Work is split over ranges of tiles; a tile is one flat state buffer, and a block's transmittance, colour, depth and
+largest weight stay in registers through a whole batch. An output that is not asked for is passed as None: numba then
+compiles the kernel without it. A pixel that has stopped keeps its transmittance as a negative number.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from pipeline.render.simd_kernels import (
+    bits,
+    block_columns,
+    block_rows,
+    fma,
+    load,
+    minus_magnitude,
+    select,
+    splat,
+    splat_at,
+    store,
+)
+from pipeline.render.tile_kernels import BATCH, BLOCKS, ENTRY, T_MIN, B, G, R, Z, alpha_of, fill_batch
+
+# Floats per block in the state buffer: T, red, green, blue, depth, weight.
+STATE = 48
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def composite(
+    first_tile,
+    last_tile,
+    columns,
+    first_row,
+    width,
+    height,
+    offsets,
+    entries,
+    records,
+    ids,
+    background,
+    color,
+    depth,
+    alpha,
+    dominant,
+    weight,
+):
+    """Composite tiles first_tile to last_tile of the band that starts at tile row `first_row`.
+
+    Args:
+        offsets: (tiles + 1,) int64 into `entries`.
+        entries: int32 records per tile, nearest first.
+        records: (rows * 16,) float32.
+        ids: (rows,) int32 Gaussian ids.
+        background: (3,) float32.
+        color: (H * W * 3,) float32 or None, written.
+        depth: (H * W,) float32 or None, written.
+        alpha: (H * W,) float32 or None, written.
+        dominant: (H * W,) int32 or None, written.
+        weight: (H * W,) float32, written; None when `dominant` is.
+    """
+    state = np.empty(BLOCKS * STATE, np.float32)
+    winners = np.empty(BLOCKS * 8, np.int32)
+    batch = np.empty(BATCH * ENTRY, np.float32)
+    rows = np.empty(BATCH, np.int32)
+    lists = np.empty(BLOCKS * BATCH, np.int32)
+    lengths = np.empty(BLOCKS, np.int64)
+    zero, t_min = splat(np.float32(0.0)), splat(T_MIN)
+    for tile in range(first_tile, last_tile):
+        left, top = (tile % columns) * 16, (tile // columns + first_row) * 16
+        corner_x, corner_y = np.float32(left) + np.float32(0.5), np.float32(top) + np.float32(0.5)
+        for block in range(BLOCKS):
+            s = block * STATE
+            store(state, s, splat(np.float32(1.0)))
+            for field in range(1, 6):
+                store(state, s + field * 8, zero)
+            store(winners, block * 8, splat(np.int32(-1)))
+        live = np.uint32(0xFFFFFFFF)
+        begin, end = offsets[tile], offsets[tile + 1]
+        while begin < end and live != 0:
+            stop = min(begin + BATCH, end)
+            fill_batch(records, entries, begin, stop, corner_x, corner_y, live, batch, rows, lists, lengths)
+            begin = stop
+            for block in range(BLOCKS):
+                length = lengths[block]
+                if length == 0:
+                    continue
+                pixel_x = block_columns() + splat(np.float32((block & 3) * 4))
+                pixel_y = block_rows() + splat(np.float32((block >> 2) * 2))
+                s = block * STATE
+                t = load(state, s)
+                red, green, blue = load(state, s + 8), load(state, s + 16), load(state, s + 24)
+                z_sum, best = load(state, s + 32), load(state, s + 40)
+                winner = load(winners, block * 8)
+                for k in range(block * BATCH, block * BATCH + length):
+                    entry = np.int64(lists[k])
+                    e = entry * ENTRY
+                    a = alpha_of(batch, e, pixel_x, pixel_y)
+                    w = a * t
+                    after = fma(-a, t, t)
+                    stops = after < t_min
+                    w = select(stops, zero, w)
+                    t = select(stops, minus_magnitude(t), after)
+                    if color is not None:
+                        red = fma(w, splat_at(batch, e + R), red)
+                        green = fma(w, splat_at(batch, e + G), green)
+                        blue = fma(w, splat_at(batch, e + B), blue)
+                    if depth is not None:
+                        z_sum = fma(w, splat_at(batch, e + Z), z_sum)
+                    if dominant is not None:
+                        more = w > best
+                        best = select(more, w, best)
+                        winner = select(more, splat_at(rows, entry), winner)
+                    if bits(t > zero) == 0:
+                        live &= ~(np.uint32(1) << np.uint32(block))
+                        break
+                store(state, s, t)
+                store(state, s + 8, red)
+                store(state, s + 16, green)
+                store(state, s + 24, blue)
+                store(state, s + 32, z_sum)
+                store(state, s + 40, best)
+                store(winners, block * 8, winner)
+        for y in range(top, min(top + 16, height)):
+            for x in range(left, min(left + 16, width)):
+                block = ((y - top) >> 1) * 4 + ((x - left) >> 2)
+                lane = ((y - top) & 1) * 4 + ((x - left) & 3)
+                s = block * STATE + lane
+                pixel = y * width + x
+                t_here = abs(state[s])
+                if color is not None:
+                    for channel in range(3):
+                        color[pixel * 3 + channel] = state[s + 8 + 8 * channel] + t_here * background[channel]
+                if alpha is not None:
+                    alpha[pixel] = np.float32(1.0) - t_here
+                if depth is not None:
+                    seen = np.float32(1.0) - t_here
+                    depth[pixel] = state[s + 32] / seen if seen > 0 else np.float32(0.0)
+                if dominant is not None:
+                    winner_row = winners[block * 8 + lane]
+                    dominant[pixel] = ids[winner_row] if winner_row >= 0 else np.int32(-1)
+                    weight[pixel] = state[s + 40]

@@ -1,0 +1,88 @@
+# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
+"""The dominant Gaussian of every pixel and nothing else, for a range of tiles.
+
+Same split and same arithmetic as `composite_kernels`, so the indices are equal to the last one; but no colour and no
+depth, and a pixel is done as soon as 0.99 T, the most anything behind can weigh, does not beat its largest weight.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from pipeline.render.simd_kernels import (
+    bits,
+    block_columns,
+    block_rows,
+    fma,
+    load,
+    minus_magnitude,
+    select,
+    splat,
+    splat_at,
+    store,
+)
+from pipeline.render.tile_kernels import ALPHA_CAP, BATCH, BLOCKS, ENTRY, T_MIN, alpha_of, fill_batch
+
+# Floats per block in the state buffer: T, weight.
+STATE = 16
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def dominate(
+    first_tile, last_tile, columns, first_row, width, height, offsets, entries, records, ids, dominant, weight
+):
+    """Write `dominant` (H * W,) int32 and `weight` (H * W,) float32 for a range of tiles; see `composite`."""
+    state = np.empty(BLOCKS * STATE, np.float32)
+    winners = np.empty(BLOCKS * 8, np.int32)
+    batch = np.empty(BATCH * ENTRY, np.float32)
+    rows = np.empty(BATCH, np.int32)
+    lists = np.empty(BLOCKS * BATCH, np.int32)
+    lengths = np.empty(BLOCKS, np.int64)
+    zero, t_min, cap = splat(np.float32(0.0)), splat(T_MIN), splat(ALPHA_CAP)
+    for tile in range(first_tile, last_tile):
+        left, top = (tile % columns) * 16, (tile // columns + first_row) * 16
+        corner_x, corner_y = np.float32(left) + np.float32(0.5), np.float32(top) + np.float32(0.5)
+        for block in range(BLOCKS):
+            store(state, block * STATE, splat(np.float32(1.0)))
+            store(state, block * STATE + 8, zero)
+            store(winners, block * 8, splat(np.int32(-1)))
+        live = np.uint32(0xFFFFFFFF)
+        begin, end = offsets[tile], offsets[tile + 1]
+        while begin < end and live != 0:
+            stop = min(begin + BATCH, end)
+            fill_batch(records, entries, begin, stop, corner_x, corner_y, live, batch, rows, lists, lengths)
+            begin = stop
+            for block in range(BLOCKS):
+                length = lengths[block]
+                if length == 0:
+                    continue
+                pixel_x = block_columns() + splat(np.float32((block & 3) * 4))
+                pixel_y = block_rows() + splat(np.float32((block >> 2) * 2))
+                t = load(state, block * STATE)
+                best = load(state, block * STATE + 8)
+                winner = load(winners, block * 8)
+                for k in range(block * BATCH, block * BATCH + length):
+                    entry = np.int64(lists[k])
+                    a = alpha_of(batch, entry * ENTRY, pixel_x, pixel_y)
+                    w = a * t
+                    after = fma(-a, t, t)
+                    stops = after < t_min
+                    w = select(stops, zero, w)
+                    t = select(stops, minus_magnitude(t), after)
+                    more = w > best
+                    best = select(more, w, best)
+                    winner = select(more, splat_at(rows, entry), winner)
+                    if bits(t * cap > best) == 0:
+                        live &= ~(np.uint32(1) << np.uint32(block))
+                        break
+                store(state, block * STATE, t)
+                store(state, block * STATE + 8, best)
+                store(winners, block * 8, winner)
+        for y in range(top, min(top + 16, height)):
+            for x in range(left, min(left + 16, width)):
+                block = ((y - top) >> 1) * 4 + ((x - left) >> 2)
+                lane = ((y - top) & 1) * 4 + ((x - left) & 3)
+                row = winners[block * 8 + lane]
+                dominant[y * width + x] = ids[row] if row >= 0 else np.int32(-1)
+                weight[y * width + x] = state[block * STATE + 8 + lane]

@@ -1,0 +1,63 @@
+"""LLM-Match marks of the arms' answers, where a reference answer is known (paper 4.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pipeline.models.caller import Caller
+from pipeline.models.replies import parse_mark
+from pipeline.query.ask_all import ask_all
+from schemas.calls import CallRow
+from schemas.questions import Question
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """What the judge gave."""
+
+    mark: int | None
+    """1 to 5; None when unscored."""
+    reason: str
+    """Why it is unscored; empty when it is scored."""
+
+
+async def mark_answers(
+    question: Question, answers: Sequence[str | None], caller: Caller, calls: list[CallRow]
+) -> list[Mark]:
+    """Return the mark of every answer; equal texts are judged once.
+
+    Args:
+        question: With its reference answer, and others that it accepts.
+        answers: Answer texts; None for an arm without one, which stays unscored.
+        caller: Sends the calls.
+        calls: Where the rows are appended.
+    """
+    texts = list(dict.fromkeys(answer for answer in answers if answer is not None))
+    asks = [
+        caller.ask(
+            "judge",
+            {
+                "question": question.question,
+                "answer": question.answer,
+                "prediction": text,
+                "extra_answers": list(question.extra_answers),
+            },
+            (),
+            parse_mark,
+            question=question,
+            subject="",
+        )
+        for text in texts
+    ]
+    values = await ask_all(asks, calls)
+    marks = dict(zip(texts, values, strict=True))
+    found = []
+    for answer in answers:
+        if answer is None:
+            found.append(Mark(None, "no answer"))
+        elif marks[answer] is None:
+            found.append(Mark(None, "the mark could not be read"))
+        else:
+            found.append(Mark(marks[answer], ""))
+    return found

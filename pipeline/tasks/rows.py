@@ -1,0 +1,312 @@
+"""Grounding, scores and the rows of every table, from a question's proposal and decision. CPU only."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Int32
+
+from pipeline.config import MethodConfig
+from pipeline.metrics.instance_iou import instance_iou
+from pipeline.metrics.iou import weighted_iou
+from pipeline.query.evidence import Evidence
+from pipeline.query.stopwatch import StageTime, Stopwatch
+from pipeline.tasks.context import SceneContext
+from pipeline.tasks.decision import ARMS, Arm, Decision
+from pipeline.tasks.proposal import Proposal
+from pipeline.tasks.region import frustum_region
+from schemas.answers import AnswerRow, ArmRow
+from schemas.calls import CallRow, RegionRow, TimingRow
+from schemas.evidence import CandidateRow, ClusterRow
+from schemas.questions import Question
+
+METHOD = "splatreasoner"
+"""Name of this method in rows."""
+
+
+@dataclass(frozen=True, slots=True)
+class QuestionRows:
+    """Every row of one question, by table. All but `calls` and `timings` are the same in every run."""
+
+    answers: tuple[AnswerRow, ...]
+    """Table `answers`: one row."""
+    arms: tuple[ArmRow, ...]
+    """Table `arms`: one row an arm."""
+    clusters: tuple[ClusterRow, ...] = ()
+    """Table `clusters`."""
+    candidates: tuple[CandidateRow, ...] = ()
+    """Table `candidates`."""
+    regions: tuple[RegionRow, ...] = ()
+    """Table `regions`."""
+    calls: tuple[CallRow, ...] = ()
+    """Table `calls`."""
+    timings: tuple[TimingRow, ...] = ()
+    """Table `timings`."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Grounded:
+    """Regions of one arm and their score."""
+
+    views: tuple[str, ...]
+    regions: tuple[Int32[np.ndarray, "_"], ...]
+    predicted: int | None
+    targets: int | None
+    iou: float | None
+
+    @property
+    def size(self) -> int | None:
+        if self.predicted is None:
+            return None
+        return len(np.unique(np.concatenate([np.empty(0, np.int32), *self.regions])))
+
+
+_NOT_GROUNDED = _Grounded((), (), None, None, None)
+
+
+def conclude(
+    context: SceneContext,
+    question: Question,
+    evidence: Evidence,
+    proposal: Proposal,
+    decision: Decision,
+    config: MethodConfig,
+) -> QuestionRows:
+    """Return all rows of a question.
+
+    Ground-truth instances are read here, for the IoU, and nowhere before.
+
+    Args:
+        context: The scene's caches.
+        question: The query.
+        evidence: Its categories.
+        proposal: Its candidate views.
+        decision: What the models said.
+        config: The method's.
+    """
+    watch = Stopwatch()
+    grounds = question.task != "eqa"
+    with watch.stage("ground", len(decision.arms) if grounds else 0):
+        truth = _targets(context, question) if grounds else None
+        grounded = [
+            _ground(context, question, proposal, arm, truth, config) if grounds else _NOT_GROUNDED
+            for arm in decision.arms
+        ]
+    calls = evidence.calls + decision.calls
+    times = (StageTime("evidence", evidence.seconds, len(evidence.calls)), *proposal.times, *decision.times)
+    return QuestionRows(
+        answers=(_answer_row(question, proposal, decision, calls),),
+        arms=tuple(
+            _arm_row(question, proposal, arm, result) for arm, result in zip(decision.arms, grounded, strict=True)
+        ),
+        clusters=_cluster_rows(question, proposal, decision),
+        candidates=_candidate_rows(question, proposal, decision),
+        regions=tuple(
+            RegionRow(question.question_id, question.scene, arm.name, instance, view, tuple(sorted(region.tolist())))
+            for arm, result in zip(decision.arms, grounded, strict=True)
+            for instance, (view, region) in enumerate(zip(result.views, result.regions, strict=True))
+        ),
+        calls=calls,
+        timings=_timing_rows(question, (*times, *watch.times())),
+    )
+
+
+def failed_rows(question: Question, error: Exception, calls: tuple[CallRow, ...] = ()) -> QuestionRows:
+    """Return the rows of a question that ended in an error: a reason, never nothing.
+
+    Args:
+        question: The query.
+        error: What went wrong.
+        calls: Calls made before it.
+    """
+    reason = f"{type(error).__name__}: {error}"
+    targets = None if question.target_ids is None or question.task == "eqa" else len(question.target_ids)
+    answer = AnswerRow(
+        question_id=question.question_id,
+        scene=question.scene,
+        task=question.task,
+        category=question.category,
+        method=METHOD,
+        question=question.question,
+        reference=question.answer,
+        evidence=(),
+        activated=0,
+        clusters=0,
+        clusters_found=0,
+        status="failed",
+        reason=reason,
+        answer="",
+        arm="",
+        frames=0,
+        model=_models(calls),
+    )
+    arms = tuple(
+        ArmRow(
+            question_id=question.question_id,
+            scene=question.scene,
+            task=question.task,
+            category=question.category,
+            method=METHOD,
+            arm=name,
+            status="failed",
+            reason=reason,
+            answer="",
+            views=(),
+            chosen=(),
+            frames=0,
+            mark=None,
+            mark_reason=f"failed: {reason}",
+            predicted=None,
+            targets=targets,
+            iou=None,
+            region_gaussians=None,
+        )
+        for name in ARMS
+    )
+    return QuestionRows((answer,), arms, calls=calls)
+
+
+def _targets(context: SceneContext, question: Question) -> tuple[Int32[np.ndarray, "_"], ...] | None:
+    """Gaussians of each target instance; None when they are unknown."""
+    instance = context.scene.semantics.instance
+    if question.target_ids is None or (question.target_ids and instance is None):
+        return None
+    return tuple(np.flatnonzero(instance == target).astype(np.int32) for target in question.target_ids)
+
+
+def _ground(
+    context: SceneContext,
+    question: Question,
+    proposal: Proposal,
+    arm: Arm,
+    truth: tuple[Int32[np.ndarray, "_"], ...] | None,
+    config: MethodConfig,
+) -> _Grounded:
+    """Cut the arm's regions out of G_act and score them. A skipped question predicts nothing, which is scored too."""
+    targets = None if question.target_ids is None else len(question.target_ids)
+    if arm.result.status not in ("answered", "skipped"):
+        return _Grounded((), (), None, targets, None)
+    means = context.scene.gaussians.means
+    shown = [proposal.candidate_of(arm.pictures[position]) for position in arm.result.chosen]
+    views = tuple(candidate.id for candidate in shown)
+    regions = tuple(frustum_region(c.camera, proposal.activated, means, config.grounding) for c in shown)
+    iou = None
+    if truth is not None:
+        weights = context.weights(config.grounding.weighting)
+        if question.task == "ground_many":
+            iou = instance_iou(regions, truth, weights).score
+        else:
+            nothing = np.empty(0, np.int32)
+            iou = weighted_iou(np.concatenate([nothing, *regions]), np.concatenate([nothing, *truth]), weights)
+    return _Grounded(views, regions, len(regions), targets, iou)
+
+
+def _answer_row(question: Question, proposal: Proposal, decision: Decision, calls: Sequence[CallRow]) -> AnswerRow:
+    final = decision.arms[-1]
+    return AnswerRow(
+        question_id=question.question_id,
+        scene=question.scene,
+        task=question.task,
+        category=question.category,
+        method=METHOD,
+        question=question.question,
+        reference=question.answer,
+        evidence=proposal.categories,
+        activated=len(proposal.activated),
+        clusters=len(proposal.seen),
+        clusters_found=proposal.clusters_found,
+        status=final.result.status,
+        reason=final.result.reason,
+        answer=final.result.text,
+        arm=decision.stands,
+        frames=len(final.pictures),
+        model=_models(calls),
+    )
+
+
+def _arm_row(question: Question, proposal: Proposal, arm: Arm, grounded: _Grounded) -> ArmRow:
+    return ArmRow(
+        question_id=question.question_id,
+        scene=question.scene,
+        task=question.task,
+        category=question.category,
+        method=METHOD,
+        arm=arm.name,
+        status=arm.result.status,
+        reason=arm.result.reason,
+        answer=arm.result.text,
+        views=tuple(proposal.candidate_of(picture).id for picture in arm.pictures),
+        chosen=arm.result.chosen,
+        frames=len(arm.pictures),
+        mark=arm.mark.mark,
+        mark_reason=arm.mark.reason,
+        predicted=grounded.predicted,
+        targets=grounded.targets,
+        iou=grounded.iou,
+        region_gaussians=grounded.size,
+    )
+
+
+def _cluster_rows(question: Question, proposal: Proposal, decision: Decision) -> tuple[ClusterRow, ...]:
+    choices = dict(zip((group.cluster for group in proposal.seen), decision.choices, strict=False))
+    rows = []
+    for group in proposal.groups:
+        choice = choices.get(group.cluster)
+        rows.append(
+            ClusterRow(
+                question_id=question.question_id,
+                scene=question.scene,
+                cluster=group.cluster,
+                category=group.category,
+                gaussians=group.size,
+                centre=group.centre,
+                initial_view=group.initial_view,
+                visibility=group.visibility,
+                visible=group.visible,
+                final="" if choice is None else group.candidates[choice].id,
+            )
+        )
+    return tuple(rows)
+
+
+def _candidate_rows(question: Question, proposal: Proposal, decision: Decision) -> tuple[CandidateRow, ...]:
+    choices = dict(zip((group.cluster for group in proposal.seen), decision.choices, strict=False))
+    answers = dict(enumerate(decision.view_answers))
+    return tuple(
+        CandidateRow(
+            question_id=question.question_id,
+            scene=question.scene,
+            cluster=group.cluster,
+            candidate=candidate.id,
+            move=candidate.move,
+            world_to_camera=tuple(candidate.camera.world_to_camera.ravel().tolist()),
+            requested_m=candidate.requested_m,
+            moved_m=candidate.moved_m,
+            visibility=candidate.visibility,
+            source=candidate.source,
+            answer=answers.get(candidate.picture),
+            chosen=choices.get(group.cluster) == position,
+        )
+        for group in proposal.seen
+        for position, candidate in enumerate(group.candidates)
+    )
+
+
+def _timing_rows(question: Question, times: Sequence[StageTime]) -> tuple[TimingRow, ...]:
+    return tuple(
+        TimingRow(
+            "" if time.whole_scene else question.question_id, question.scene, time.stage, time.seconds, time.count
+        )
+        for time in times
+    )
+
+
+def _models(calls: Sequence[CallRow]) -> str:
+    """One name where all stages used the same model, else "stage=model" pairs; empty when nothing was asked."""
+    by_stage: dict[str, str] = {}
+    for call in calls:
+        by_stage[call.stage] = call.model
+    names = set(by_stage.values())
+    return names.pop() if len(names) == 1 else ", ".join(f"{stage}={name}" for stage, name in sorted(by_stage.items()))

@@ -1,0 +1,163 @@
+"""Table `plan`: every question of a run with the unit it belongs to. Written once, before any work; never changed.
+
+The plan holds the questions themselves, so that a run can be resumed from its folder alone.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from schemas.parts import ROW_GROUP_ROWS, WRITER
+from schemas.questions import Question
+from schemas.table import TableSpec
+
+PLAN_FILE = "plan.parquet"
+
+
+@dataclass(frozen=True, slots=True)
+class PlanRow:
+    """One question, planned."""
+
+    unit: str
+    """Unit id: hash of the scene's content, the questions, the method, the models, the prompts and the code."""
+    unit_index: int
+    """Place of the unit in the plan, 0-based; final tables keep this order."""
+    position: int
+    """Place of the question in its unit, 0-based."""
+    scene_uri: str
+    """Path or URI of the scene."""
+    scene_sha256: str
+    """Hash of the scene's files when it was planned."""
+    method: str
+    """Method that answers."""
+    question_id: str
+    """Question, unique in the run."""
+    scene: str
+    """Name of the scene."""
+    task: str
+    """eqa, ground_one or ground_many."""
+    question: str
+    """The query Q."""
+    answer: str | None
+    """Reference answer; null when unknown."""
+    extra_answers: tuple[str, ...]
+    """Other answers the reference accepts."""
+    category: str
+    """Question type, for grouping."""
+    target_ids: tuple[int, ...] | None
+    """Ground-truth instances; null when unknown."""
+    target_category: str
+    """Category of the target, for grouping."""
+
+
+PLAN = TableSpec(
+    name="plan",
+    version=1,
+    record=PlanRow,
+    key=("question_id",),
+    columns={
+        "unit": "string",
+        "unit_index": "int64",
+        "position": "int32",
+        "scene_uri": "string",
+        "scene_sha256": "string",
+        "method": "string",
+        "question_id": "string",
+        "scene": "string",
+        "task": "string",
+        "question": "string",
+        "answer": "string?",
+        "extra_answers": "list<string>",
+        "category": "string",
+        "target_ids": "list<int64>?",
+        "target_category": "string",
+    },
+)
+
+_QUESTION_FIELDS = tuple(field.name for field in dataclasses.fields(Question))
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedUnit:
+    """A unit of work: one scene, one method, a chunk of questions."""
+
+    id: str
+    """Content hash."""
+    index: int
+    """Place in the plan."""
+    scene: str
+    """Name of the scene."""
+    scene_uri: str
+    """Path or URI of the scene."""
+    scene_sha256: str
+    """Hash of the scene's files when it was planned."""
+    method: str
+    """Method that answers."""
+    questions: tuple[Question, ...]
+    """The chunk, in order."""
+
+    def rows(self) -> Iterator[PlanRow]:
+        """Yield the unit's rows of the plan."""
+        for position, question in enumerate(self.questions):
+            shared = (self.id, self.index, position, self.scene_uri, self.scene_sha256, self.method)
+            yield PlanRow(*shared, **{name: getattr(question, name) for name in _QUESTION_FIELDS})
+
+
+def encode_plan(units: Iterable[PlannedUnit]) -> bytes:
+    """Return the plan as the bytes of one Parquet file."""
+    import pyarrow.parquet as pq
+
+    sink = io.BytesIO()
+    with pq.ParquetWriter(sink, PLAN.arrow_schema(), **WRITER) as writer:
+        waiting: list[PlanRow] = []
+        for unit in units:
+            waiting.extend(unit.rows())
+            if len(waiting) >= ROW_GROUP_ROWS:
+                writer.write_table(PLAN.to_arrow(waiting), row_group_size=len(waiting))
+                waiting = []
+        if waiting:
+            writer.write_table(PLAN.to_arrow(waiting), row_group_size=len(waiting))
+    return sink.getvalue()
+
+
+def iter_plan(path: Path) -> Iterator[PlannedUnit]:
+    """Yield the units of a plan file in order, a batch of rows in memory at a time.
+
+    Raises:
+        InputError: The file is not a plan of this version.
+    """
+    import pyarrow.parquet as pq
+
+    with pq.ParquetFile(path, page_checksum_verification=True) as file:
+        PLAN.check(file.schema_arrow, path)
+        waiting: list[PlanRow] = []
+        for batch in file.iter_batches(batch_size=4096):
+            for row in PLAN.to_rows(batch):
+                if waiting and row.unit_index != waiting[0].unit_index:
+                    yield _unit(waiting)
+                    waiting = []
+                waiting.append(row)
+        if waiting:
+            yield _unit(waiting)
+
+
+def _unit(rows: list[PlanRow]) -> PlannedUnit:
+    first = rows[0]
+    questions = []
+    for row in rows:
+        values: dict[str, Any] = {name: getattr(row, name) for name in _QUESTION_FIELDS}
+        questions.append(Question(**values))
+    return PlannedUnit(
+        id=first.unit,
+        index=first.unit_index,
+        scene=first.scene,
+        scene_uri=first.scene_uri,
+        scene_sha256=first.scene_sha256,
+        method=first.method,
+        questions=tuple(questions),
+    )

@@ -1,0 +1,146 @@
+"""A run's folder: where each thing lies in it, and how its tables are read back.
+
+run.json        resolved configuration, versions, hash of the plan; written after the plan: with it the run exists
+plan.parquet    every planned question
+<table>/        parts, named by unit and content
+manifests/      one JSON per committed unit
+calls/          cache of model calls
+images/         thumbnails of the views that were considered
+results/        answers.parquet and arms.parquet, whole, written by `aggregate`
+events.jsonl    what happened, a line each
+report.html     written by `report`
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from schemas import storage
+from schemas.errors import InputError
+from schemas.manifest import Manifest, committed_units, load_manifest, read_part
+from schemas.plan import PLAN_FILE, PlannedUnit, iter_plan
+from schemas.tables import table_spec
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import pyarrow as pa
+
+RUN_FILE = "run.json"
+LONGEST_NAME = 80
+"""Longest escaped name; longer ones are cut and told apart by their hash. File systems stop at 255."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunFolder:
+    """A run on disk or in an object store."""
+
+    root: str
+    """Path or URI."""
+
+    def uri(self, *names: str) -> str:
+        """Return the path or URI of something in the folder."""
+        return storage.join(self.root, *names)
+
+    def exists(self) -> bool:
+        """Return whether the run has been planned and written."""
+        return storage.exists(self.uri(RUN_FILE))
+
+    def read_run(self) -> dict[str, Any]:
+        """Return run.json.
+
+        Raises:
+            InputError: There is none, or it is not JSON.
+        """
+        uri = self.uri(RUN_FILE)
+        if not storage.exists(uri):
+            raise InputError(self.root, expected=f"a run folder with {RUN_FILE}", found="none")
+        try:
+            found = json.loads(storage.read_bytes(uri))
+        except ValueError as error:
+            raise InputError(uri, expected="JSON", found=str(error)) from error
+        if not isinstance(found, dict):
+            raise InputError(uri, expected="a JSON object", found=type(found).__name__)
+        return found
+
+    def write_run(self, content: Mapping[str, Any]) -> None:
+        """Write run.json."""
+        text = json.dumps(content, indent=1, sort_keys=True, ensure_ascii=False)
+        storage.write_bytes_atomic(self.uri(RUN_FILE), text.encode())
+
+    def units(self) -> Iterator[PlannedUnit]:
+        """Yield the planned units in order."""
+        uri = self.uri(PLAN_FILE)
+        if not storage.exists(uri):
+            raise InputError(self.root, expected=f"a run folder with {PLAN_FILE}", found="none")
+        with storage.local_copy(uri) as path:
+            yield from iter_plan(path)
+
+    def manifests(self) -> Iterator[Manifest]:
+        """Yield the manifests of the committed units in plan order."""
+        done = set(committed_units(self.root))
+        for unit in self.units():
+            if unit.id in done:
+                yield load_manifest(self.root, unit.id)
+
+    def parts(self, table: str) -> Iterator[pa.Table]:
+        """Yield a table's verified parts in plan order."""
+        for manifest in self.manifests():
+            yield read_part(self.root, manifest, table)
+
+
+def read_table(run: str | Path, name: str) -> pd.DataFrame:
+    """Return a table of a run: committed rows only, in plan order and, within a question, in the order they arose.
+
+    Args:
+        run: Run folder.
+        name: Table, such as "answers".
+
+    Raises:
+        InputError: No such run or table, or a part is damaged.
+    """
+    import pandas as pd
+    import pyarrow as pa
+
+    spec, folder = table_spec(name), RunFolder(str(run))
+    folder.read_run()
+    table = pa.concat_tables([spec.arrow_schema().empty_table(), *folder.parts(name)])
+    frame = table.to_pandas()
+    # A whole number that may be missing must not turn into a float.
+    nullable = {"int32?": pd.Int32Dtype(), "int64?": pd.Int64Dtype()}
+    for column, notation in spec.columns.items():
+        if notation in nullable:
+            frame[column] = pd.array(table.column(column).to_pylist(), dtype=nullable[notation])
+    return frame
+
+
+def safe_name(text: str) -> str:
+    """Return a file name for any text: ids that come from data never reach a path as they are.
+
+    Letters, digits, dot, dash and underscore stay; where anything else was, or the text is long or starts with a
+    dot, a hash of the whole text is added so that different texts keep different names.
+    """
+    kept = re.sub(r"[^A-Za-z0-9._-]", "_", text).lstrip(".")[:LONGEST_NAME]
+    if kept == text:
+        return kept
+    return f"{kept}-{hashlib.sha256(text.encode()).hexdigest()[:10]}"
+
+
+def image_name(scene: str, candidate: str, world_to_camera: Sequence[float]) -> str:
+    """Return the path, below the run folder, of a candidate view's thumbnail.
+
+    The pose is in the name, since a novel candidate's id counts the clusters of one question only.
+
+    Args:
+        scene: Scene name.
+        candidate: Candidate id, as in `candidates`.
+        world_to_camera: Its 12 numbers, as in `candidates`.
+    """
+    pose = ",".join(float(value).hex() for value in world_to_camera)
+    tag = hashlib.sha256(f"{candidate}\n{pose}".encode()).hexdigest()[:10]
+    return f"images/{safe_name(scene)}/{safe_name(candidate)}-{tag}.jpg"

@@ -1,0 +1,105 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.geometry import Camera, look_at
+from pipeline.query.visibility import VisibilityConfig, VisibilityIndex, fitted_to, literal_visible
+from pipeline.render import prepare, render, render_reference
+from pipeline.scene.gaussians import Gaussians
+from tests.query.tiny import UP, box_points, camera_at, gaussians_at, tiny_scene
+
+
+def _random_gaussians(count: int, rng: np.random.Generator) -> Gaussians:
+    """Overlapping Gaussians of every shape and opacity, some behind the camera, some solid, some unseeable."""
+    logits = rng.choice([-6.0, -2.0, 0.0, 2.0, 8.0, np.inf], count) + rng.normal(0, 1, count)
+    return Gaussians(
+        means=rng.normal(0, 1.2, (count, 3)).astype(np.float32),
+        quats=rng.normal(size=(count, 4)).astype(np.float32),
+        log_scales=rng.uniform(-4, 0, (count, 3)).astype(np.float32),
+        opacity_logits=logits.astype(np.float32),
+        sh=rng.normal(size=(count, 1, 3)).astype(np.float32),
+    )
+
+
+def _random_camera(rng: np.random.Generator) -> Camera:
+    width, height = (int(n) for n in rng.integers(4, 24, 2))
+    focal = rng.uniform(4, 30, 2)
+    K = np.array([[focal[0], 0, width * rng.uniform(0.3, 0.7)], [0, focal[1], height / 2], [0, 0, 1]])
+    return Camera(K, look_at(rng.normal(0, 2.0, 3), rng.normal(0, 0.3, 3), UP), width, height)
+
+
+@pytest.mark.parametrize("renderer", [render_reference, render], ids=["float64", "kernels"])
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), count=st.integers(1, 120))
+def test_dominance_form_equals_the_literal_formula(renderer: object, seed: int, count: int) -> None:
+    rng = np.random.default_rng(seed)
+    gaussians, camera = _random_gaussians(count, rng), _random_camera(rng)
+    dominant = np.unique(renderer(gaussians, camera, outputs=("dominant",)).dominant)  # type: ignore[operator]
+    labels = rng.integers(0, 4, count)
+    for label in range(4):
+        cluster = np.flatnonzero(labels == label)
+        if len(cluster):
+            literal = literal_visible(gaussians, cluster, camera, renderer=renderer)  # type: ignore[arg-type]
+            np.testing.assert_array_equal(literal, np.intersect1d(dominant, cluster))
+
+
+def test_index_scores_equal_the_literal_formula_in_every_view() -> None:
+    scene = tiny_scene()
+    cameras = [view.camera for view in scene.views]
+    index = VisibilityIndex(prepare(scene.gaussians), cameras, VisibilityConfig())
+    instance = scene.semantics.instance
+    assert instance is not None
+    clusters = [np.flatnonzero(instance == number).astype(np.int32) for number in range(5)]
+    counts = index.counts(clusters)
+    for row, cluster in enumerate(clusters):
+        for view, camera in enumerate(cameras):
+            literal = literal_visible(scene.gaussians, cluster, camera, renderer=render)
+            assert counts.visible[row, view] == len(literal)
+            assert counts.scores[row, view] == len(literal) / len(cluster)
+    assert counts.visible[4].max() == 0, "a wall hides the last chair from every view"
+    assert counts.visible[:4].max(axis=1).min() > 0
+
+
+def test_views_are_rendered_when_asked_for_and_once() -> None:
+    scene = tiny_scene()
+    index = VisibilityIndex(prepare(scene.gaussians), [view.camera for view in scene.views], VisibilityConfig())
+    assert (index.missing, index.nbytes) == (6, 0)
+    first = index.ids(2)
+    assert index.missing == 5
+    assert index.ids(2) is first
+    assert (np.diff(first) > 0).all()
+    index.build()
+    assert index.missing == 0
+    assert index.ids(2) is first
+
+
+def test_overlapping_clusters_are_each_counted_in_full() -> None:
+    scene = tiny_scene()
+    index = VisibilityIndex(prepare(scene.gaussians), [view.camera for view in scene.views], VisibilityConfig())
+    everything = np.arange(len(scene.gaussians), dtype=np.int32)
+    counts = index.counts([everything, everything[::2].copy(), everything])
+    np.testing.assert_array_equal(counts.visible[0], [len(index.ids(view)) for view in range(6)])
+    np.testing.assert_array_equal(counts.visible[0], counts.visible[2])
+    assert (counts.visible[1] <= counts.visible[0]).all()
+
+
+def test_no_cluster_and_no_view_give_empty_tables() -> None:
+    gaussians = prepare(gaussians_at(box_points((0, 3, 0), (0.2, 0.2, 0.2))))
+    with_view = VisibilityIndex(gaussians, [camera_at((0, 0, 0), (0, 3, 0))], VisibilityConfig())
+    assert with_view.counts([]).visible.shape == (0, 1)
+    without = VisibilityIndex(gaussians, [], VisibilityConfig())
+    assert without.counts([np.array([0, 1], np.int32)]).visible.shape == (1, 0)
+
+
+def test_reduced_renders_keep_the_field_of_view() -> None:
+    camera = camera_at((0, 0, 1), (0, 3, 1), 640, 480)
+    small = fitted_to(camera, 160)
+    assert (small.width, small.height) == (160, 120)
+    point = np.array([[0.4, 3.0, 1.2]])
+    np.testing.assert_allclose(small.project(point)[0] * 4, camera.project(point)[0])
+    assert fitted_to(camera, None) is camera
+    assert fitted_to(camera, 640) is camera
+    assert fitted_to(camera, 2000) is camera

@@ -1,0 +1,188 @@
+"""A method that computes nothing but deterministic rows, with the faults a test asks for in the question's text."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from schemas.answers import AnswerRow, ArmRow
+from schemas.calls import TimingRow
+from schemas.errors import InputError, QuestionError, RetryError, StopError
+from schemas.evidence import CandidateRow
+from schemas.plan import PlannedUnit
+from schemas.questions import Question
+from schemas.run_folder import image_name
+from workers.steps import Steps, Tables, Work
+
+POSE = tuple(float(i) for i in range(12))
+
+
+@dataclass(frozen=True)
+class FakeMethod:
+    """What a test sets; stands where MethodConfig does."""
+
+    marks: str = ""
+    """Folder where faults leave a mark, so that they happen once, whoever retries."""
+    seconds: float = 0.0
+    """CPU seconds a question."""
+
+
+def once(method: FakeMethod, name: str) -> bool:
+    """True the first time in a run, whatever process asks."""
+    try:
+        Path(method.marks, name.replace("/", "_")).touch(exist_ok=False)
+    except FileExistsError:
+        return False
+    return True
+
+
+def load(uri: str) -> dict[str, Any]:
+    if "broken" in uri:
+        raise InputError(f"{uri}/gaussians.ply", field="vertex", expected="100 rows", found="3")
+    return {"uri": uri, "means": np.arange(30.0, dtype=np.float32).reshape(10, 3)}
+
+
+def vocabulary(scene: dict[str, Any]) -> tuple[str, ...]:
+    return ("chair", "table")
+
+
+def open_context(scene: dict[str, Any]) -> dict[str, Any]:
+    return {"total": float(scene["means"].sum()), "writeable": scene["means"].flags.writeable}
+
+
+def make_caller(work: Work) -> str:
+    return work.calls
+
+
+async def find_evidence(question: Question, vocabulary: tuple[str, ...], caller: str, method: FakeMethod) -> str:
+    await asyncio.sleep(0)
+    if "no evidence" in question.question:
+        raise QuestionError("nothing in this scene is named")
+    if "stop" in question.question:
+        raise StopError("the key was refused")
+    if "flaky" in question.question and once(method, question.question_id):
+        raise RetryError("the server was busy")
+    if "always busy" in question.question:
+        raise RetryError("the server was busy")
+    return vocabulary[len(question.question) % 2]
+
+
+def propose(context: dict[str, Any], question: Question, evidence: str, method: FakeMethod) -> dict[str, Any]:
+    if method.seconds:
+        time.sleep(method.seconds)
+    if "kill the worker" in question.question and once(method, question.question_id):
+        os._exit(9)
+    if "always kills" in question.question:
+        os._exit(9)
+    if "bug" in question.question:
+        raise ZeroDivisionError("division by zero")
+    if "hangs" in question.question and once(method, question.question_id):
+        time.sleep(60)
+    return {"total": context["total"], "image": np.full((300, 400, 3), 7, np.uint8)}
+
+
+async def decide(question: Question, proposal: dict[str, Any], caller: str, method: FakeMethod) -> str:
+    await asyncio.sleep(0)
+    return f"{proposal['total']:g} {question.question_id}"
+
+
+def conclude(
+    context: Any, question: Question, evidence: str, proposal: dict[str, Any], decision: str, method: FakeMethod
+) -> dict[str, tuple[Any, ...]]:
+    return {
+        "answers": (answer(question, evidence=(evidence,), answer=decision),),
+        "arms": tuple(arm(question, name, answer=decision) for name in ("initial", "final", "verified")),
+        "candidates": (
+            CandidateRow(
+                question.question_id, question.scene, 0, "f/0/left", "left", POSE, 0.3, 0.3, 0.5, "render", None, True
+            ),
+        ),
+        "timings": (TimingRow(question.question_id, question.scene, "render", 0.01, 1),),
+    }
+
+
+def thumbnails(proposal: dict[str, Any], rows: dict[str, tuple[Any, ...]]) -> Mapping[str, Any]:
+    return {image_name(row.scene, row.candidate, row.world_to_camera): proposal["image"] for row in rows["candidates"]}
+
+
+def tables(rows: dict[str, tuple[Any, ...]]) -> Tables:
+    return rows
+
+
+def failed_rows(question: Question, error: Exception) -> dict[str, tuple[Any, ...]]:
+    return {"answers": (answer(question, status="failed", reason=f"{type(error).__name__}: {error}"),)}
+
+
+STEPS = Steps(
+    load=load,
+    vocabulary=vocabulary,
+    open_context=open_context,
+    make_caller=make_caller,
+    find_evidence=find_evidence,
+    propose=propose,
+    decide=decide,
+    conclude=conclude,
+    thumbnails=thumbnails,
+    tables=tables,
+    failed_rows=failed_rows,
+)
+
+
+def answer(question: Question, **changes: Any) -> AnswerRow:
+    values: dict[str, Any] = {
+        "question_id": question.question_id,
+        "scene": question.scene,
+        "task": question.task,
+        "category": question.category,
+        "method": "fake",
+        "question": question.question,
+        "reference": question.answer,
+        "evidence": (),
+        "activated": 0,
+        "clusters": 0,
+        "clusters_found": 0,
+        "status": "answered",
+        "reason": "",
+        "answer": "",
+        "arm": "",
+        "frames": 0,
+        "model": "fake",
+    }
+    return AnswerRow(**{**values, **changes})
+
+
+def arm(question: Question, name: str, **changes: Any) -> ArmRow:
+    values: dict[str, Any] = {
+        "question_id": question.question_id,
+        "scene": question.scene,
+        "task": question.task,
+        "category": question.category,
+        "method": "fake",
+        "arm": name,
+        "status": "answered",
+        "reason": "",
+        "answer": "",
+        "views": ("f/0/left",),
+        "chosen": (0,),
+        "frames": 1,
+        "mark": 5,
+        "mark_reason": "",
+        "predicted": None,
+        "targets": None,
+        "iou": None,
+        "region_gaussians": None,
+    }
+    return ArmRow(**{**values, **changes})
+
+
+def unit(index: int, texts: list[str], scene: str = "") -> PlannedUnit:
+    name = scene or f"scene{index}"
+    questions = tuple(Question(f"{name}-{i}", name, "eqa", text, answer="yes") for i, text in enumerate(texts))
+    return PlannedUnit(f"unit{index}", index, name, f"/scenes/{name}", "0" * 64, "fake", questions)

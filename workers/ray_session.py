@@ -1,0 +1,54 @@
+"""Starting or joining Ray, quietly, with thread settings that hold on every worker."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parent.parent
+"""Folder of the packages `schemas`, `pipeline` and `workers`."""
+
+WORKER_ENVIRONMENT = {
+    # Ray sets OMP_NUM_THREADS itself, but numba would still take every core in every worker.
+    "NUMBA_NUM_THREADS": "1",
+    "OMP_NUM_THREADS": "1",
+    "RAY_USAGE_STATS_ENABLED": "0",
+}
+
+QUIET = {
+    "RAY_USAGE_STATS_ENABLED": "0",
+    "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0",
+    # Ray would print every error of a step whose result nobody fetched; dispatch fetches and records them all.
+    "RAY_IGNORE_UNHANDLED_ERRORS": "1",
+}
+"""Read by Ray when it is imported."""
+
+
+@contextmanager
+def ray_session(*, cpus: int, address: str = "") -> Iterator[int]:
+    """Connect to Ray for a block and disconnect after it; gives the CPUs it may use.
+
+    Args:
+        cpus: CPU slots of a local Ray started here; ignored with an address.
+        address: An existing cluster, such as "auto" or "ray://host:10001"; empty starts a local one.
+    """
+    for name, value in QUIET.items():
+        os.environ.setdefault(name, value)
+    import ray
+
+    quiet: dict[str, Any] = {"logging_level": logging.ERROR, "log_to_driver": False}
+    if address:
+        ray.init(address=address, runtime_env={"env_vars": WORKER_ENVIRONMENT}, **quiet)
+    else:
+        # Workers do not inherit this process's import path; on an existing cluster the package is installed.
+        path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH", "")]))
+        environment = {**WORKER_ENVIRONMENT, "PYTHONPATH": path}
+        ray.init(num_cpus=cpus, include_dashboard=False, runtime_env={"env_vars": environment}, **quiet)
+    try:
+        yield int(ray.cluster_resources().get("CPU", cpus))
+    finally:
+        ray.shutdown()
