@@ -84,9 +84,14 @@ def _outcomes(answers: pd.DataFrame) -> pd.DataFrame:
 
 
 def _calls(calls: pd.DataFrame, questions: int) -> pd.DataFrame:
-    """One row a stage and one for all: a call counts once, whether it was sent or found; tries that failed apart."""
+    """One row a stage, one for the method (all but the judge) and one for all.
+
+    A call counts once, whether it was sent or found; tries that failed are counted apart.
+    """
     found = []
-    for stage, group in [*_by_stage(calls), ("all", calls)]:
+    calls = calls.reset_index(drop=True)
+    method = calls[calls["stage"] != "judge"]
+    for stage, group in [*_by_stage(calls), ("method", method), ("all", calls)]:
         done = group[group["outcome"].isin(("ok", "unparsed"))]
         sent = done[~done["cached"].astype(bool)]
         tokens = done["prompt_tokens"] + done["completion_tokens"]
@@ -112,11 +117,11 @@ def _calls(calls: pd.DataFrame, questions: int) -> pd.DataFrame:
 
 
 def _timings(timings: pd.DataFrame, questions: int, scenes: int) -> pd.DataFrame:
-    """One row a stage and one for all; work done once a scene is counted by scene."""
+    """One row a stage and one for all, first of work done once a scene, then of work done for each question."""
     found = []
     whole = timings["question_id"] == ""
     for once, part in ((True, timings[whole]), (False, timings[~whole])):
-        for stage, group in _by_stage(part):
+        for stage, group in [*_by_stage(part), ("all", part)]:
             seconds, count = float(group["seconds"].sum()), int(group["count"].sum())
             found.append(
                 {
@@ -125,13 +130,11 @@ def _timings(timings: pd.DataFrame, questions: int, scenes: int) -> pd.DataFrame
                     "seconds": seconds,
                     "count": count,
                     "seconds_each": _ratio(seconds, scenes if once else questions),
-                    "seconds_an_item": _ratio(seconds, count),
-                    "longest": float(group["seconds"].max()),
+                    "seconds_an_item": _ratio(seconds, count) if stage != "all" else None,
+                    "longest": float(group["seconds"].max()) if len(group) else None,
                 }
             )
-    return pd.DataFrame(
-        found, columns=["stage", "once_a", "seconds", "count", "seconds_each", "seconds_an_item", "longest"]
-    )
+    return pd.DataFrame(found)
 
 
 def _by_stage(frame: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:

@@ -94,7 +94,9 @@ def score_rows(arms: pd.DataFrame, answers: pd.DataFrame, thresholds: Sequence[f
             hits = ious.map(lambda iou, k=k: np.nan if np.isnan(iou) else 100 * accuracy_at([iou], k))
             pieces.append(_metric(rows, f"acc@{k:g}", hits))
     pieces.append(_metric(base, "frames", frames))
-    return pd.concat(pieces, ignore_index=True).drop(columns="frames")
+    rows = pd.concat(pieces, ignore_index=True).drop(columns="frames")
+    order = ["llm_match", *IOU_METRIC.values(), *(f"acc@{k:g}" for k in thresholds), "frames"]
+    return rows.assign(metric=pd.Categorical(rows["metric"], list(dict.fromkeys(order)), ordered=True))
 
 
 def _metric(rows: pd.DataFrame, name: str, scores: pd.Series[float]) -> pd.DataFrame:
@@ -204,9 +206,8 @@ def _rng(seed: int, key: tuple[Any, ...]) -> np.random.Generator:
 
 
 def _groups(frame: pd.DataFrame, by: list[str]) -> Iterator[tuple[tuple[Any, ...], pd.DataFrame]]:
-    """Groups sorted by key, metrics in the order they were made."""
-    ordered = frame.assign(metric=pd.Categorical(frame["metric"], frame["metric"].unique(), ordered=True))
-    for key, group in ordered.groupby(by, observed=True, sort=True):
+    """Groups sorted by key: tasks, arms and metrics in their own order."""
+    for key, group in frame.groupby(by, observed=True, sort=True):
         yield tuple(key), group
 
 

@@ -108,6 +108,8 @@ def _question(record: dict[str, Any], subject: str) -> Question:
     targets = record.get("target_ids")
     if targets is not None and (not isinstance(targets, list) or not all(type(i) is int for i in targets)):
         raise InputError(subject, field="target_ids", expected="a list of whole numbers or null", found=_shown(targets))
+    if targets is not None and len(set(targets)) < len(targets):
+        raise InputError(subject, field="target_ids", expected="each id once", found=_shown(targets))
     try:
         return Question(
             **{

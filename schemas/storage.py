@@ -7,11 +7,13 @@ is wrong is an InputError, a remote store that does not answer is a RetryError.
 from __future__ import annotations
 
 import os
+import posixpath
 import re
 import tempfile
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import quote, unquote, urlsplit
@@ -43,15 +45,31 @@ def filesystem(uri: str | os.PathLike[str]) -> tuple[FileSystem, str]:
     Raises:
         InputError: The scheme is unknown or the URI is malformed.
     """
-    from pyarrow.fs import FileSystem, LocalFileSystem
-
     path = local_path(uri)
     if path is not None:
+        from pyarrow.fs import LocalFileSystem
+
         return LocalFileSystem(), str(path)
+    text = os.fspath(uri)
     try:
-        return FileSystem.from_uri(os.fspath(uri))
+        store, root = _store(_with_path(text, "/"))
     except (ValueError, OSError, NotImplementedError) as error:
         raise InputError(uri, expected="a path or a URI such as s3://bucket/folder", found=error) from error
+    return store, posixpath.join(root, unquote(urlsplit(text).path).strip("/"))
+
+
+def _with_path(uri: str, path: str) -> str:
+    """Return a URI with another path; urlunsplit would drop the empty host of hdfs:///folder and its slashes."""
+    parts = urlsplit(uri)
+    return f"{parts.scheme}://{parts.netloc}{path}" + (f"?{parts.query}" if parts.query else "")
+
+
+@lru_cache(maxsize=32)
+def _store(root: str) -> tuple[FileSystem, str]:
+    """Return the filesystem of a bucket or host, once a process: making an S3 client asks for the bucket's region."""
+    from pyarrow.fs import FileSystem
+
+    return FileSystem.from_uri(root)
 
 
 def join(uri: str | os.PathLike[str], *names: str) -> str:
@@ -59,9 +77,7 @@ def join(uri: str | os.PathLike[str], *names: str) -> str:
     text = os.fspath(uri)
     if not _SCHEME.match(text):
         return str(Path(text, *names))
-    parts = urlsplit(text)
-    path = "/".join([parts.path.rstrip("/"), *(quote(name.strip("/")) for name in names)])
-    return parts._replace(path=path).geturl()
+    return _with_path(text, "/".join([urlsplit(text).path.rstrip("/"), *(quote(name.strip("/")) for name in names)]))
 
 
 def name_of(uri: str | os.PathLike[str]) -> str:
@@ -152,6 +168,22 @@ def write_bytes_atomic(uri: str | os.PathLike[str], data: bytes) -> None:
             stream.write(data)
         if not direct:
             store.move(target, inner)
+
+
+def remove(uri: str | os.PathLike[str]) -> None:
+    """Remove a file; nothing happens where there is none.
+
+    Raises:
+        InputError: It may not be removed, or is a folder.
+        RetryError: A remote store failed to answer.
+    """
+    path = local_path(uri)
+    with _classified(uri, "a file that can be removed"):
+        if path is not None:
+            path.unlink(missing_ok=True)
+        elif exists(uri):
+            store, inner = filesystem(uri)
+            store.delete_file(inner)
 
 
 @contextmanager

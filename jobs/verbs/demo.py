@@ -25,7 +25,9 @@ def demo(
 
     result = run_demo(output, scenes=scenes, fresh=fresh, in_process=in_process)
     if result.driven.complete:
+        from jobs.report import write_report
         from jobs.verbs.aggregate import show
 
         show(result.run)
+        print(f"report: {write_report(result.run)}")
     end(result)

@@ -30,4 +30,4 @@ def end(result: RunResult) -> None:
     if status.statuses.get("failed", 0) == driven.planned:
         print("every question failed; see events.jsonl")
         raise typer.Exit(FAILED)
-    print(f"next: splatreasoner aggregate {result.run}")
+    print(f"scores: splatreasoner aggregate {result.run}; page: splatreasoner report {result.run}")

@@ -7,6 +7,7 @@ reach; the path visits well-spread cells along shortest ways and turns the head 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int64
@@ -18,6 +19,8 @@ CELL_M = 0.05
 """Side of a floor cell: half the smallest gap a person notices."""
 STEP_OVER_M = 0.25
 """Things lower than this over the floor do not stop a person."""
+_LEAST_AREA_M2 = 0.3
+"""Area a person needs to stand and turn in."""
 HEADROOM_M = 0.25
 """Free height needed above the eye."""
 
@@ -31,7 +34,7 @@ class FloorMap:
     floor_z: float
     """Height of the floor, metres."""
     free: Bool[np.ndarray, "I J"]
-    """Where a person can stand, one connected area."""
+    """Where a person can stand: one area, or several that only a squeeze connects."""
     clearance_m: Float[np.ndarray, "I J"]
     """Distance to the nearest obstacle or edge of the floor, metres."""
 
@@ -80,30 +83,52 @@ def map_floor(
     for wanted in (clearance_m, clearance_m / 2, clearance_m / 4):
         areas, count = ndimage.label(clearance >= wanted)
         if count:
-            sizes = np.bincount(areas.ravel())[1:]
-            if sizes.max() * CELL_M**2 >= 0.25:
-                return FloorMap(origin, floor_z, areas == 1 + int(sizes.argmax()), clearance)
+            sizes = np.bincount(areas.ravel())[1:] * CELL_M**2
+            large = 1 + np.flatnonzero(sizes >= max(_LEAST_AREA_M2, 0.02 * sizes.max()))
+            if len(large):
+                return FloorMap(origin, floor_z, np.isin(areas, large), clearance)
     raise InputError("floor map", expected="floor a person can stand on", found="none free of obstacles")
 
 
 def walk(floor: FloorMap, steps: int, rng: np.random.Generator, *, stops: int = 14) -> Float[np.ndarray, "steps 2"]:
-    """Return horizontal positions, evenly spaced along a walk through the free area.
+    """Return horizontal positions, evenly spaced along a walk through each free area.
 
-    The walk visits `stops` cells chosen far from one another, nearest first, along shortest ways that prefer the
-    middle of open space.
+    The walk visits cells chosen far from one another, nearest first, along shortest ways that prefer the middle of
+    open space. Areas get steps and stops by their size, small ones a tenth at least.
+
+    Args:
+        floor: The map.
+        steps: Positions wanted.
+        rng: Source of the starting points.
+        stops: Cells to visit in all.
     """
+    from scipy import ndimage
+
+    areas, count = ndimage.label(floor.free)
+    sizes = np.bincount(areas.ravel(), minlength=count + 1)[1:].astype(np.float64)
+    share = np.maximum(sizes / sizes.sum(), 0.1)
+    ends = np.round(np.cumsum(share / share.sum()) * steps).astype(int)
+    parts, start = [np.zeros((0, 2))], 0
+    for area, end in enumerate(ends.tolist(), start=1):
+        visited = max(2, round(stops * float(share[area - 1])))
+        parts.append(_walk_area(floor, areas == area, end - start, visited, rng))
+        start = end
+    return np.concatenate(parts)
+
+
+def _walk_area(
+    floor: FloorMap, area: Bool[np.ndarray, "I J"], steps: int, stops: int, rng: np.random.Generator
+) -> Float[np.ndarray, "steps 2"]:
     from scipy.sparse.csgraph import dijkstra
 
-    graph, cells = _cell_graph(floor)
-    start = int(rng.integers(len(cells)))
-    order: list[int] = []
-    hop = dijkstra(graph, indices=start)
-    chosen = [int(hop.argmax())]
-    spread = dijkstra(graph, indices=chosen[0])
+    graph, cells = _cell_graph(floor, area)
+    begin = int(rng.integers(len(cells)))
+    chosen = [int(dijkstra(graph, indices=np.array([begin])).argmax())]
+    spread = dijkstra(graph, indices=np.array(chosen))[0]
     while len(chosen) < min(stops, len(cells)):
         chosen.append(int(spread.argmax()))
-        spread = np.minimum(spread, dijkstra(graph, indices=chosen[-1]))
-    between, back = dijkstra(graph, indices=chosen, return_predecessors=True)
+        spread = np.minimum(spread, dijkstra(graph, indices=np.array(chosen[-1:]))[0])
+    between, back = dijkstra(graph, indices=np.array(chosen), return_predecessors=True)
     at, left = 0, set(range(1, len(chosen)))
     order = [chosen[0]]
     while left:
@@ -163,11 +188,11 @@ def _open_direction(floor: FloorMap, position: Float[np.ndarray, "2"], yaw: floa
     return best
 
 
-def _cell_graph(floor: FloorMap) -> tuple["object", Int64[np.ndarray, "k 2"]]:
-    """Return the 8-neighbour graph of free cells and their indices; edges near obstacles cost more."""
+def _cell_graph(floor: FloorMap, area: Bool[np.ndarray, "I J"]) -> tuple[Any, Int64[np.ndarray, "k 2"]]:
+    """Return the 8-neighbour graph of an area's cells and their indices; edges near obstacles cost more."""
     from scipy.sparse import csr_array
 
-    cells = np.argwhere(floor.free)
+    cells = np.argwhere(area)
     number = np.full(floor.free.shape, -1)
     number[tuple(cells.T)] = np.arange(len(cells))
     rows, columns, costs = [], [], []

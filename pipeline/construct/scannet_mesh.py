@@ -6,15 +6,16 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int32
+from jaxtyping import Float, Int32, UInt8
 
 from pipeline.construct.free_space import look_around, map_floor, walk
 from pipeline.construct.mesh_ply import Mesh, read_mesh, read_vertex_labels
 from pipeline.construct.mesh_surfels import density_surfels, vertex_surfels
 from pipeline.construct.scannet_labels import ScanNetLabels, read_axis_alignment, read_labels
+from pipeline.construct.support import state_support
 from pipeline.geometry import Camera
 from pipeline.scene import Scene, Semantics, View
-from pipeline.scene.color_names import dominant_color
+from pipeline.scene.color_names import COLOR_NAMES, name_colors
 from pipeline.scene.objects import SceneObject
 from schemas.errors import InputError
 
@@ -23,6 +24,11 @@ FIELD_OF_VIEW_DEG = 67.0
 MESH_ENDING = "_vh_clean_2.ply"
 _OUTLIERS = 0.5
 """Percent of an object's vertices left outside its box at each end of an axis: segmentation spills over edges."""
+
+_ISLAND_SHARE = 0.25
+"""Size of an island, against an object's largest part, from which it counts as part of the object wherever it is..."""
+_ISLAND_M = 0.25
+"""... and the distance up to which smaller ones do."""
 
 
 class ScannetScene(NamedTuple):
@@ -67,10 +73,10 @@ def build_scannet_mesh(
     path_rng, sample_rng = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
     surfels = vertex_surfels(mesh) if density is None else density_surfels(mesh, density, sample_rng)
     box_yaw = main_direction(mesh) if yaw is None else -yaw
-    objects = _objects(mesh, labels, box_yaw)
-    floor = [o for o in objects if o.category == "floor"]
-    floor_points = mesh.vertices[np.isin(labels.instance, [o.instance for o in floor])]
-    floor_z = float(np.median(floor_points[:, 2]) if len(floor_points) else np.percentile(mesh.vertices[:, 2], 2))
+    points = {identity: main_part(mesh, labels, identity) for identity in labels.names}
+    floors = [points[identity][:, 2] for identity, category in labels.names.items() if category == "floor"]
+    floor_z = float(np.median(np.concatenate(floors)) if floors else np.percentile(mesh.vertices[:, 2], 2))
+    objects = state_support(_objects(mesh, labels, points, box_yaw), points, floor_z)
     semantics = Semantics(labels.vocabulary, labels.category[surfels.vertex], None, labels.instance[surfels.vertex])
     scene = Scene(
         name=name,
@@ -114,21 +120,50 @@ def _read_scan(folder: Path) -> tuple[str, Mesh, ScanNetLabels, float | None]:
     return name, mesh, labels, read_axis_alignment(folder / f"{name}.txt")
 
 
-def _objects(mesh: Mesh, labels: ScanNetLabels, yaw: float) -> tuple[SceneObject, ...]:
+def main_part(mesh: Mesh, labels: ScanNetLabels, identity: int) -> Float[np.ndarray, "k 3"]:
+    """Return an object's vertices without small far-off islands, which annotators took along by mistake."""
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
+    own = np.flatnonzero(labels.instance == identity)
+    slot = np.full(len(mesh.vertices), -1)
+    slot[own] = np.arange(len(own))
+    edges = slot[np.concatenate([mesh.faces[:, :2], mesh.faces[:, 1:]])]
+    edges = edges[(edges >= 0).all(axis=1)]
+    graph = csr_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(len(own), len(own)))
+    _, part = connected_components(graph, directed=False)
+    sizes = np.bincount(part)
+    points = mesh.vertices[own].astype(np.float64)
+    tree = cKDTree(points[part == sizes.argmax()])
+    keep = np.isin(part, np.flatnonzero(sizes >= _ISLAND_SHARE * sizes.max()))
+    keep |= tree.query(points)[0] <= _ISLAND_M
+    return points[keep]
+
+
+def _objects(
+    mesh: Mesh, labels: ScanNetLabels, parts: dict[int, Float[np.ndarray, "k 3"]], yaw: float
+) -> tuple[SceneObject, ...]:
     turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
     objects = []
     for identity, category in labels.names.items():
-        own = labels.instance == identity
-        points = mesh.vertices[own].astype(np.float64)
+        own, points = labels.instance == identity, parts[identity]
         local = np.concatenate([points[:, :2] @ turn, points[:, 2:]], axis=1)
         low, high = np.percentile(local, [_OUTLIERS, 100 - _OUTLIERS], axis=0)
         middle, half = (low + high) / 2, (high - low) / 2
         x, y = turn @ middle[:2]
-        color = dominant_color(mesh.colors[own] / 255.0)
+        color = plain_color(mesh.colors[own])
         objects.append(
             SceneObject(identity, category, color, (float(x), float(y), float(middle[2])), _triple(half), float(yaw))
         )
     return tuple(objects)
+
+
+def plain_color(colors: UInt8[np.ndarray, "k 3"]) -> str:
+    """Return the colour name most vertices carry, or "" where it does not plainly lead: scans mix light and paint."""
+    share = np.bincount(name_colors(colors / 255.0), minlength=len(COLOR_NAMES)) / len(colors)
+    second, first = np.sort(share)[-2:]
+    return COLOR_NAMES[int(share.argmax())] if first >= 0.4 and first - second >= 0.15 else ""
 
 
 def _triple(values: Float[np.ndarray, "3"]) -> tuple[float, float, float]:

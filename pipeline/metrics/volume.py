@@ -24,8 +24,8 @@ def volumes(log_scales: Float32[np.ndarray, "M 3"], opacity_logits: Float32[np.n
         opacity_logits: Opacities before the sigmoid.
     """
     logits = np.asarray(opacity_logits, np.float64)
-    # The sigmoid through tanh neither over- nor underflows, and infinite logits give exactly 0 and 1.
-    return np.exp(np.asarray(log_scales, np.float64).sum(axis=1)) * 0.5 * (1.0 + np.tanh(0.5 * logits))
+    # The sigmoid through logaddexp never overflows, and infinite logits give exactly 0 and 1.
+    return np.exp(np.asarray(log_scales, np.float64).sum(axis=1)) * np.exp(-np.logaddexp(0.0, -logits))
 
 
 def gaussian_weights(

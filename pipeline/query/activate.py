@@ -128,4 +128,4 @@ def relevancy(
     """Return the LERF relevancy, 0 to 1: the least probability of the category against any one canonical phrase."""
     # A softmax over two is a sigmoid of the difference, and the hardest phrase is the most similar one.
     margin = temperature * (positive.astype(np.float64) - canonical.max(axis=1))
-    return 0.5 * (1.0 + np.tanh(0.5 * margin))
+    return np.exp(-np.logaddexp(0.0, -margin))

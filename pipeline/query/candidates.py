@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from pipeline.geometry import Camera
 from pipeline.models.messages import ImagePart, Observation
-from pipeline.query.visibility import fitted_to
+from pipeline.query.visibility import dominant_ids, fitted_to
 from pipeline.render import PreparedGaussians, category_image, color_image, render
 from pipeline.scene.scene import Scene
 from pipeline.scene.views import View
@@ -21,6 +21,8 @@ from schemas import storage
 from schemas.errors import InputError
 
 Source = Literal["photo", "render"]
+
+MEGABYTE = 1_000_000
 
 
 class ImageConfig(BaseModel):
@@ -116,12 +118,12 @@ class PictureBook:
                 up=camera.world_to_camera[:, :3] @ self._scene.up,
                 vocabulary=semantics.vocabulary,
             )
-        ids = np.unique(image.dominant)
+        ids = dominant_ids(image.dominant, len(self._gaussians))
         source: Source = "render" if photo is None else "photo"
-        return Picture(ImagePart(color, observation), source, ids[ids >= 0], key)
+        return Picture(ImagePart(color, observation), source, ids, key)
 
     def _keep(self, key: tuple[object, ...], picture: Picture) -> None:
-        limit = self._config.cache_mb * 1_000_000
+        limit = self._config.cache_mb * MEGABYTE
         if picture.nbytes > limit:
             return
         self._kept[key] = picture

@@ -125,6 +125,13 @@ class VisibilityIndex:
         return self._by_gaussian
 
 
+def dominant_ids(dominant: Int32[np.ndarray, "H W"], count: int) -> Int32[np.ndarray, "_"]:
+    """Return the sorted distinct ids of a dominance image of M = `count` Gaussians, without the -1 of empty pixels."""
+    seen = np.zeros(count + 1, bool)  # marking is several times faster than sorting the pixels
+    seen[dominant] = True  # -1 marks the last place, which is cut off
+    return np.flatnonzero(seen[:-1]).astype(np.int32)
+
+
 def fitted_to(camera: Camera, long_side: int | None) -> Camera:
     """Return the camera with its longer side reduced to `long_side` pixels; never enlarged."""
     longest = max(camera.width, camera.height)

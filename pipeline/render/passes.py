@@ -44,7 +44,7 @@ class FrameStatistics:
 class _Records:
     """Projected survivors, in stretches of one table."""
 
-    table: Float32[np.ndarray, "rows*16"]
+    table: Float32[np.ndarray, "floats"]
     ids: Int32[np.ndarray, "rows"]
     stretches: tuple[tuple[int, int], ...]
 
@@ -165,7 +165,7 @@ class _Band:
 
     first_row: int
     last_row: int
-    offsets: Int64[np.ndarray, "tiles+1"]
+    offsets: Int64[np.ndarray, "offsets"]
     entries: Int32[np.ndarray, "entries"]
 
 
@@ -220,7 +220,7 @@ def _shade(prepared: PreparedGaussians, lens: Lens, records: _Records, degree: i
 class _Images:
     """Flat output arrays; None where an output is not asked for."""
 
-    color: Float32[np.ndarray, "n*3"] | None
+    color: Float32[np.ndarray, "n3"] | None
     depth: Float32[np.ndarray, "n"] | None
     alpha: Float32[np.ndarray, "n"] | None
     dominant: Int32[np.ndarray, "n"] | None

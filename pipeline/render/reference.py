@@ -18,11 +18,13 @@ from pipeline.scene.gaussians import Gaussians
 
 LOW_PASS_PX2 = 0.3
 """Variance added to both image axes: a Gaussian covers about a pixel at least."""
-ALPHA_CAP = 0.99
+# The three limits are the float32 numbers the rasterisers compare with: two capped layers leave 0.99999809e-4, which
+# stops a pixel, where 0.01 * 0.01 in float64 would not.
+ALPHA_CAP = float(np.float32(0.99))
 """No single Gaussian is fully opaque."""
-ALPHA_MIN = 1.0 / 255.0
+ALPHA_MIN = float(np.float32(1.0 / 255.0))
 """Smaller contributions are dropped."""
-T_MIN = 1e-4
+T_MIN = float(np.float32(1e-4))
 """A contribution that would leave less transmittance than this is not added, and the pixel stops."""
 ANTIALIAS_FLOOR = 2.5e-5
 """Smallest ratio of determinants the antialias option reckons with."""

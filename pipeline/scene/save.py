@@ -11,7 +11,7 @@ from pipeline.scene.objects_file import objects_json
 from pipeline.scene.scene import Scene
 from pipeline.scene.scene_file import OBJECTS, SCENE, SEMANTICS, TRANSFORMS, SceneFile
 from schemas.semantics_table import SemanticsTable, write_semantics
-from schemas.storage import join, write_bytes_atomic
+from schemas.storage import join, remove, write_bytes_atomic
 
 GAUSSIANS = "gaussians.ply"
 
@@ -19,8 +19,8 @@ GAUSSIANS = "gaussians.ply"
 def save_scene(scene: Scene, path: str, objects: Sequence[SceneObject] = ()) -> None:
     """Write a scene folder: gaussians.ply, transforms.json, semantics.parquet, objects.json and scene.json.
 
-    Every file is written atomically and scene.json last, so a folder that has one is whole. Photographs are
-    referred to, not copied. Gaussians and semantics come back bit for bit; poses to float64 rounding.
+    Every file is written atomically and scene.json last, so a folder that has one is whole; files of a scene saved
+    there before are replaced or removed. Photographs are referred to, not copied. Gaussians and semantics come back bit for bit; poses to float64 rounding.
 
     Args:
         scene: The scene.
@@ -32,6 +32,8 @@ def save_scene(scene: Scene, path: str, objects: Sequence[SceneObject] = ()) -> 
         RetryError: A remote store failed to answer.
     """
     path = str(path)
+    for name in (SCENE, SEMANTICS, OBJECTS):
+        remove(join(path, name))
     save_gaussians(scene.gaussians, join(path, GAUSSIANS))
     write_bytes_atomic(join(path, TRANSFORMS), transforms_json(scene.views, path))
     meaning = scene.semantics

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from pipeline.config import MethodConfig
+from pipeline.metrics.llm_match import MISSING_MARK
 from pipeline.models.caller import Caller
 from pipeline.query.judge import Choice, answer_views, choose_views
 from pipeline.query.stopwatch import StageTime, Stopwatch
@@ -73,7 +74,8 @@ async def decide(question: Question, proposal: Proposal, caller: Caller, config:
         StopError: No call can succeed.
     """
     if proposal.status != "answered":
-        return undecided(proposal.status, proposal.reason)
+        missing = proposal.status == "skipped" and question.answer is not None and config.judging.mark
+        return undecided(proposal.status, proposal.reason, Mark(MISSING_MARK, "") if missing else None)
     case = _Case(question, proposal, caller, config)
     try:
         return await case.decide()
@@ -82,10 +84,10 @@ async def decide(question: Question, proposal: Proposal, caller: Caller, config:
         return replace(failed, calls=tuple(case.calls), times=case.watch.times())
 
 
-def undecided(status: Status, reason: str) -> Decision:
-    """Return the decision on a question no model was asked about, or whose calls failed."""
+def undecided(status: Status, reason: str, mark: Mark | None = None) -> Decision:
+    """Return the decision on a question no model was asked about, or whose calls failed; unmarked unless given."""
     nothing = TaskAnswer(status, reason, "", ())
-    arms = tuple(Arm(name, nothing, (), Mark(None, f"{status}: {reason}")) for name in ARMS)
+    arms = tuple(Arm(name, nothing, (), mark or Mark(None, f"{status}: {reason}")) for name in ARMS)
     return Decision((), (), arms, "", (), ())
 
 

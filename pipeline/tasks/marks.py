@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from pipeline.metrics.llm_match import cut_prediction
 from pipeline.models.caller import Caller
 from pipeline.models.replies import parse_mark
 from pipeline.query.ask_all import ask_all
@@ -17,7 +18,7 @@ class Mark:
     """What the judge gave."""
 
     mark: int | None
-    """1 to 5; None when unscored."""
+    """1 to 5, 0 for a missing answer; None when unscored."""
     reason: str
     """Why it is unscored; empty when it is scored."""
 
@@ -40,7 +41,7 @@ async def mark_answers(
             {
                 "question": question.question,
                 "answer": question.answer,
-                "prediction": text,
+                "prediction": cut_prediction(text),
                 "extra_answers": list(question.extra_answers),
             },
             (),

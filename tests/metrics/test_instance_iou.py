@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.metrics.instance_iou import instance_iou
@@ -29,6 +29,7 @@ def _brute_force(predicted: list[np.ndarray], targets: list[np.ndarray], weights
     return max(sums) / len(long)
 
 
+@settings(deadline=None)  # the first call imports SciPy
 @given(INSTANCES, INSTANCES, st.integers(0, 1000))
 def test_score_equals_the_best_of_all_assignments(
     predicted: list[list[int]], targets: list[list[int]], seed: int
@@ -41,6 +42,7 @@ def test_score_equals_the_best_of_all_assignments(
     assert found.true_positives + found.false_negatives == len(targets)
 
 
+@settings(deadline=None)
 @given(INSTANCES, st.randoms(use_true_random=False))
 def test_order_of_predictions_does_not_change_the_score(instances: list[list[int]], random: object) -> None:
     weights = np.linspace(0.1, 1, 15)

@@ -20,9 +20,7 @@ def _ids(values: list[int]) -> np.ndarray:
 def test_weighted_iou_equals_the_sum_over_a_set_written_out(predicted: list[int], target: list[int], seed: int) -> None:
     weights = np.random.default_rng(seed).uniform(0.01, 1, 20)
     union = set(predicted) | set(target)
-    expected = (
-        sum(weights[j] for j in set(predicted) & set(target)) / sum(weights[j] for j in union) if union else 1.0
-    )
+    expected = sum(weights[j] for j in set(predicted) & set(target)) / sum(weights[j] for j in union) if union else 1.0
     found = weighted_iou(_ids(predicted), _ids(target), weights)
     assert found == pytest.approx(expected)
     assert 0 <= found <= 1

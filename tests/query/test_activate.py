@@ -24,7 +24,12 @@ class Encoder:
 
 
 ENCODER = Encoder(
-    chair=(2, 0, 0, 0), lamp=(0, 3, 0, 0), object=(1, 1, 1, 0), things=(0, 0, 1, 0), stuff=(0, 0, 1, 1), texture=(0, 0, 0, 1)
+    chair=(2, 0, 0, 0),
+    lamp=(0, 3, 0, 0),
+    object=(1, 1, 1, 0),
+    things=(0, 0, 1, 0),
+    stuff=(0, 0, 1, 1),
+    texture=(0, 0, 0, 1),
 )
 
 

@@ -59,11 +59,17 @@ def test_a_category_smaller_than_a_cluster_is_one_cluster(count: int) -> None:
     assert cluster_points(points, CONFIG).tolist() == [0] * count
 
 
-def test_a_category_of_noise_alone_is_one_cluster() -> None:
-    # Points too far apart from each other to be dense at the pinned epsilon, without allowing one root cluster.
-    points = np.random.default_rng(5).uniform(-1000, 1000, (40, 3))
-    labels = cluster_points(points, ClusterConfig(noise_join_m=0))
-    assert labels.max() >= 0
+def test_points_too_sparse_for_epsilon_are_one_cluster() -> None:
+    points = np.random.default_rng(5).uniform(-10, 10, (400, 3))
+    assert cluster_points(points, CONFIG).tolist() == [0] * 400
+
+
+def test_sparse_objects_far_apart_stay_separate() -> None:
+    rng = np.random.default_rng(8)
+    points = np.concatenate([_box((0, 0, 0), 60, rng, half=1.0), _box((6, 0, 0), 60, rng, half=1.0)])
+    labels = cluster_points(points, CONFIG)
+    assert set(labels[:60]) & set(labels[60:]) <= {-1}
+    assert set(labels) >= {0, 1}
 
 
 def test_no_point_gives_no_cluster() -> None:

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.geometry import Camera, look_at
-from pipeline.query.visibility import VisibilityConfig, VisibilityIndex, fitted_to, literal_visible
+from pipeline.query.visibility import VisibilityConfig, VisibilityIndex, dominant_ids, fitted_to, literal_visible
 from pipeline.render import prepare, render, render_reference
 from pipeline.scene.gaussians import Gaussians
 from tests.query.tiny import UP, box_points, camera_at, gaussians_at, tiny_scene
@@ -84,6 +84,12 @@ def test_overlapping_clusters_are_each_counted_in_full() -> None:
     np.testing.assert_array_equal(counts.visible[0], [len(index.ids(view)) for view in range(6)])
     np.testing.assert_array_equal(counts.visible[0], counts.visible[2])
     assert (counts.visible[1] <= counts.visible[0]).all()
+
+
+@given(seed=st.integers(0, 10_000), count=st.integers(1, 50))
+def test_dominant_ids_are_the_distinct_ids_of_an_image(seed: int, count: int) -> None:
+    dominant = np.random.default_rng(seed).integers(-1, count, (6, 5)).astype(np.int32)
+    assert dominant_ids(dominant, count).tolist() == sorted(set(dominant.ravel().tolist()) - {-1})
 
 
 def test_no_cluster_and_no_view_give_empty_tables() -> None:

@@ -75,7 +75,7 @@ def test_missing_field_is_named_with_what_was_there(tmp_path: Path, field: str) 
 def test_rest_count_of_no_degree_is_an_input_error(tmp_path: Path) -> None:
     columns = inria_columns(random_gaussians(5, degree=1))
     del columns["f_rest_8"]
-    with pytest.raises(InputError, match="f_rest: expected .* found 8 such"):
+    with pytest.raises(InputError, match=r"f_rest: expected .* found 8 such"):
         load_gaussians(write(tmp_path, ply(columns)))
 
 

@@ -6,7 +6,6 @@ import asyncio
 import os
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,20 +23,14 @@ from workers.steps import Steps, Tables, Work
 POSE = tuple(float(i) for i in range(12))
 
 
-@dataclass(frozen=True)
-class FakeMethod:
-    """What a test sets; stands where MethodConfig does."""
-
-    marks: str = ""
-    """Folder where faults leave a mark, so that they happen once, whoever retries."""
-    seconds: float = 0.0
-    """CPU seconds a question."""
+MARKS = "FAKE_STEPS_MARKS"
+"""Environment variable with the folder where faults leave a mark, so that they happen once, whoever retries."""
 
 
-def once(method: FakeMethod, name: str) -> bool:
-    """True the first time in a run, whatever process asks."""
+def once(question: Question) -> bool:
+    """True the first time for a question, whatever process asks."""
     try:
-        Path(method.marks, name.replace("/", "_")).touch(exist_ok=False)
+        Path(os.environ[MARKS], question.question_id.replace("/", "_")).touch(exist_ok=False)
     except FileExistsError:
         return False
     return True
@@ -61,40 +54,41 @@ def make_caller(work: Work) -> str:
     return work.calls
 
 
-async def find_evidence(question: Question, vocabulary: tuple[str, ...], caller: str, method: FakeMethod) -> str:
+async def find_evidence(question: Question, vocabulary: tuple[str, ...], caller: str, method: Any) -> str:
     await asyncio.sleep(0)
     if "no evidence" in question.question:
         raise QuestionError("nothing in this scene is named")
     if "stop" in question.question:
         raise StopError("the key was refused")
-    if "flaky" in question.question and once(method, question.question_id):
+    if "flaky" in question.question and once(question):
         raise RetryError("the server was busy")
     if "always busy" in question.question:
         raise RetryError("the server was busy")
     return vocabulary[len(question.question) % 2]
 
 
-def propose(context: dict[str, Any], question: Question, evidence: str, method: FakeMethod) -> dict[str, Any]:
-    if method.seconds:
-        time.sleep(method.seconds)
-    if "kill the worker" in question.question and once(method, question.question_id):
+def propose(context: dict[str, Any], question: Question, evidence: str, method: Any) -> dict[str, Any]:
+    if "slow" in question.question:
+        time.sleep(0.1)
+    if "kill the worker" in question.question and once(question):
         os._exit(9)
     if "always kills" in question.question:
         os._exit(9)
     if "bug" in question.question:
         raise ZeroDivisionError("division by zero")
-    if "hangs" in question.question and once(method, question.question_id):
+    if "hangs" in question.question and once(question):
         time.sleep(60)
-    return {"total": context["total"], "image": np.full((300, 400, 3), 7, np.uint8)}
+    return {**context, "image": np.full((300, 400, 3), 7, np.uint8)}
 
 
-async def decide(question: Question, proposal: dict[str, Any], caller: str, method: FakeMethod) -> str:
+async def decide(question: Question, proposal: dict[str, Any], caller: str, method: Any) -> str:
     await asyncio.sleep(0)
-    return f"{proposal['total']:g} {question.question_id}"
+    state = " read-only" if "writeable" in question.question and not proposal["writeable"] else ""
+    return f"{proposal['total']:g}{state} {question.question_id}"
 
 
 def conclude(
-    context: Any, question: Question, evidence: str, proposal: dict[str, Any], decision: str, method: FakeMethod
+    context: Any, question: Question, evidence: str, proposal: dict[str, Any], decision: str, method: Any
 ) -> dict[str, tuple[Any, ...]]:
     return {
         "answers": (answer(question, evidence=(evidence,), answer=decision),),

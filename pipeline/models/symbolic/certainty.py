@@ -25,7 +25,7 @@ class Certainty(IntEnum):
 
 _UNKNOWN = re.compile(
     r"\b(?:can(?:not|'t| not)|could(?: not|n't)|unable to|impossible to|hard to|difficult to|not possible to) "
-    r"(?:\w+ ){0,2}?(?:tell|say|see|determine|know|answer|identify|confirm|make out|find|be determined|be seen|locate)\b"
+    r"(?:\w+ ){0,2}?(?:tell|say|see|determine|know|answer|identify|confirm|make out|find|locate|be seen)\b"
     r"|\b(?:don't|do not|doesn't|does not) (?:know|show|provide|contain)\b"
     r"|\bnot (?:sure|certain|clear|visible|shown|enough|in (?:this |the )?view|in (?:this |the )?image)\b"
     r"|\b(?:unclear|uncertain|unknown|unsure|no idea|i'm sorry|i am sorry|apologi[sz]e|insufficient|no answer)\b"
@@ -34,8 +34,8 @@ _UNSEEN = re.compile(
     r"\b(?:do not|don't|did not|didn't) see\b|\bthere (?:is|are) no\b|\bno \w+(?: \w+)? (?:is|are) seen\b|\bsee no\b"
 )
 _HEDGED = re.compile(
-    r"\b(?:looks? like|seems?|appears?|probabl[ye]|possibl[ye]|perhaps|maybe|may be|might|could be|likely|presumably|i think|"
-    r"i guess|i believe|not entirely|suggests?|approximately|about \d)\b"
+    r"\b(?:looks? like|seems?|appears?|probabl[ye]|possibl[ye]|perhaps|maybe|may be|might|could be|likely|presumably|"
+    r"i (?:think|guess|believe)|not entirely|suggests?|approximately|about \d)\b"
 )
 
 

@@ -14,7 +14,10 @@ from jaxtyping import Bool, Float, Int, Int32, Int64
 JUMP_M = 0.06
 """Depth step between neighbouring pixels that separates two surfaces: about the thickness of a chair back."""
 JUMP_PER_M = 0.02
-"""Added per metre of depth: a table top seen at a low angle falls away by this much per pixel at 320 x 240."""
+"""Added per metre of depth: depth is less certain farther off."""
+BEND = 0.012
+"""Largest bend, as a share of inverse depth, of what counts as one plane: a table top seen at a low angle falls away
+by more than a jump from pixel to pixel, but the inverse depth of a plane is straight."""
 SAMPLES = 192
 """Pixels sampled per part for positions and colours: percentiles of a part are then good to about 2 %."""
 
@@ -56,12 +59,11 @@ def find_parts(category: Int[np.ndarray, "H W"], depth_m: Float[np.ndarray, "H W
     height, width = category.shape
     depth = np.asarray(depth_m, np.float32)
     category = np.where(depth > 0, category, -1)
-    limit = jump_limit(depth)
     starts = np.ones((height, width), bool)
-    starts[:, 1:] = (category[:, 1:] != category[:, :-1]) | (np.abs(depth[:, 1:] - depth[:, :-1]) > limit[:, 1:])
+    starts[:, 1:] = ~(_continues(depth.T).T & (category[:, 1:] == category[:, :-1]))
     run_start = np.flatnonzero(starts)
     run = (np.cumsum(starts) - 1).reshape(height, width)
-    joined = (category[1:] == category[:-1]) & (np.abs(depth[1:] - depth[:-1]) <= limit[1:]) & (category[1:] >= 0)
+    joined = _continues(depth) & (category[1:] == category[:-1]) & (category[1:] >= 0)
     upper, lower = _touching_runs(run, joined, starts)
     graph = coo_array((np.ones(len(upper), np.int8), (upper, lower)), shape=(len(run_start), len(run_start)))
     count, run_part = connected_components(graph, directed=False)
@@ -81,6 +83,24 @@ def find_parts(category: Int[np.ndarray, "H W"], depth_m: Float[np.ndarray, "H W
     bounds = _bounds(run_start[of_part], length[of_part], run_part[of_part], len(kept), width)
     pixel, part = _samples(run_start[of_part], length[of_part], area[kept])
     return Parts(run_part[run], part_category[kept], area[kept], bounds, pixel, part)
+
+
+def _continues(depth: Float[np.ndarray, "A B"]) -> Bool[np.ndarray, "A1 B"]:
+    """Return whether each pixel and the next along the first axis lie on one surface.
+
+    They do when their depths are close, or when they are part of four pixels in a row on one plane. Four, since two
+    surfaces blend over a pixel or two at an edge, and three such pixels may look straight.
+    """
+    close = np.abs(depth[1:] - depth[:-1]) <= jump_limit(depth[1:])
+    count = len(depth)
+    if count < 4 or close.all():
+        return close
+    inverse = np.divide(1.0, depth, out=np.zeros_like(depth), where=depth > 0)
+    straight = np.abs(inverse[:-2] - 2 * inverse[1:-1] + inverse[2:]) <= BEND * inverse[1:-1]
+    plane = straight[:-1] & straight[1:]
+    for offset in range(3):
+        close[offset : offset + count - 3] |= plane
+    return close
 
 
 def _touching_runs(

@@ -6,16 +6,20 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from pipeline.models.symbolic.knowledge import ROOM_NAMES
-from pipeline.models.symbolic.lexicon import CANONICAL, COLORS, OPPOSITE, RELATIONS, STATES, key_of
-from pipeline.models.symbolic.words import NUMBERS, is_word, number, singular, tokens
+from pipeline.models.symbolic.lexicon import CANONICAL, COLORS, OPPOSITE, RELATIONS, STATES
+from pipeline.models.symbolic.words import is_word, listed_in, number, singular, tokens
 
 EMPTY = frozenset(
-    "a an the this that these those it its they them there here is are was were be been being am do does did done has have "
-    "had of to with and or as for from at so such very just also too my your our their his her i you we he she one ones "
-    "can could would will shall may might should must view image picture photo see seen shows show shown visible look looks "
-    "looking like seems seem appears appear appearing probably possibly perhaps maybe likely located placed positioned "
-    "situated sitting standing lying hanging colored color colors thing things object objects item items some any each both "
-    "side area part which who what where use using used you'll in-view it's there's that's room scene yes no not n't".split()
+    listed_in(
+        "a, an, the, this, that, these, those, it, its, they, them, there, here, is, are, was, were, be, "
+        "been, being, am, do, does, did, done, has, have, had, of, to, with, and, or, as, for, from, at, so, "
+        "such, very, just, also, too, my, your, our, their, his, her, i, you, we, he, she, one, ones, can, "
+        "could, would, will, shall, may, might, should, must, view, image, picture, photo, see, seen, shows, "
+        "show, shown, visible, look, looks, looking, like, seems, seem, appears, appear, appearing, probably, "
+        "possibly, perhaps, maybe, likely, located, placed, positioned, situated, sitting, standing, lying, "
+        "hanging, colored, color, colors, thing, things, object, objects, item, items, some, any, each, both, "
+        "side, area, part, which, who, what, where, use, using, used, room, scene"
+    )
 )
 """Words that say nothing of their own."""
 
@@ -127,6 +131,3 @@ def _polarity(words: tuple[str, ...]) -> bool | None:
 def opposite_of(states: frozenset[str]) -> frozenset[str]:
     """Return the states that contradict these."""
     return frozenset(OPPOSITE[state] for state in states if state in OPPOSITE)
-
-
-__all__ = ["EMPTY", "NUMBERS", "Content", "content_of", "key_of", "opposite_of"]

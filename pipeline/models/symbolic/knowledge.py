@@ -1,327 +1,85 @@
-"""What the observer knows of the world before it looks: what things are for, where they belong, what can hold what."""
+"""What the observer knows of things before it looks: what holds what, what opens or shines, where things belong."""
 
 from __future__ import annotations
 
-STRUCTURE = frozenset({"wall", "floor", "ceiling", "doorframe", "column", "pillar", "windowsill", "ledge", "structure"})
+from pipeline.models.symbolic.words import listed_in
+
+STRUCTURE = frozenset(listed_in("wall, floor, ceiling, doorframe, column, pillar, windowsill, ledge, structure"))
 """Parts of the building: they hold and frame things, and no question means them unless it names them."""
 
-GROUND = frozenset({"floor", "mat", "rug", "carpet", "shower floor"})
+GROUND = frozenset(listed_in("floor, mat, rug, carpet, shower floor"))
 """What stands on these is on the floor, which says little about where it is."""
 
-UPRIGHT = frozenset({"wall", "closet wall", "shower wall", "door", "window", "divider", "column", "pillar"})
+UPRIGHT = frozenset(listed_in("wall, closet wall, shower wall, door, window, divider, column, pillar"))
 """Things hang on these."""
 
 CONTAINERS = frozenset(
-    "bag basket bathtub bin bookshelf bowl box bucket cabinet cart closet container crate cup dishwasher drawer dresser "
-    "fireplace microwave oven purse rack refrigerator shelf shower sink suitcase toilet vase wardrobe".split()
-) | frozenset(
-    {
-        "bathroom cabinet",
-        "coat rack",
-        "dish rack",
-        "file cabinet",
-        "kitchen cabinet",
-        "laundry basket",
-        "laundry hamper",
-        "mini fridge",
-        "paper bag",
-        "recycling bin",
-        "storage bin",
-        "storage container",
-        "storage organizer",
-        "toaster oven",
-        "trash bin",
-        "trash can",
-        "washing machine",
-    }
+    listed_in(
+        "bag, basket, bathtub, bin, bookshelf, bowl, box, bucket, cabinet, cart, closet, container, crate, cup, "
+        "dishwasher, drawer, dresser, fireplace, microwave, oven, purse, rack, refrigerator, shelf, shower, sink, "
+        "suitcase, toilet, vase, wardrobe, bathroom cabinet, coat rack, dish rack, file cabinet, kitchen cabinet, "
+        "laundry basket, laundry hamper, mini fridge, paper bag, recycling bin, storage bin, storage container, "
+        "storage organizer, toaster oven, trash bin, trash can, washing machine"
+    )
 )
 """Things that others are in rather than on, where they are enclosed."""
 
-SCREENS = frozenset({"tv", "monitor", "laptop", "projector screen", "computer"})
-LIGHTS = frozenset({"lamp", "light", "ceiling light", "floor lamp", "table lamp", "candle"})
-DOORS = frozenset({"door", "closet door", "bathroom stall door", "shower door"})
+SCREENS = frozenset(listed_in("tv, monitor, laptop, projector screen, computer"))
+LIGHTS = frozenset(listed_in("lamp, light, ceiling light, floor lamp, table lamp, candle"))
+DOORS = frozenset(listed_in("door, closet door, bathroom stall door, shower door"))
 CASES = frozenset(
-    {
-        "cabinet",
-        "kitchen cabinet",
-        "bathroom cabinet",
-        "file cabinet",
-        "wardrobe",
-        "closet",
-        "refrigerator",
-        "mini fridge",
-        "oven",
-        "microwave",
-        "dishwasher",
-        "washing machine",
-        "dresser",
-        "drawer",
-        "box",
-        "suitcase",
-        "chest",
-    }
+    listed_in(
+        "cabinet, kitchen cabinet, bathroom cabinet, file cabinet, wardrobe, closet, refrigerator, mini fridge, oven, "
+        "microwave, dishwasher, washing machine, dresser, drawer, box, suitcase, chest"
+    )
 )
 """Things with a front that opens."""
 
 ROOM_SIGNS: dict[str, frozenset[str]] = {
-    "bedroom": frozenset({"bed", "nightstand", "dresser", "mattress"}),
-    "kitchen": frozenset(
-        {
-            "stove",
-            "oven",
-            "refrigerator",
-            "kitchen cabinet",
-            "kitchen counter",
-            "dishwasher",
-            "range hood",
-            "microwave",
-            "toaster",
-            "toaster oven",
-            "coffee maker",
-            "dish rack",
-        }
-    ),
-    "bathroom": frozenset(
-        {
-            "toilet",
-            "bathtub",
-            "shower",
-            "shower curtain",
-            "bathroom cabinet",
-            "bathroom vanity",
-            "bathroom counter",
-            "toilet paper",
-            "plunger",
-        }
-    ),
-    "living room": frozenset({"couch", "coffee table", "tv stand", "fireplace", "sofa chair", "ottoman", "tv"}),
-    "office": frozenset(
-        {
-            "office chair",
-            "computer tower",
-            "monitor",
-            "printer",
-            "file cabinet",
-            "whiteboard",
-            "desk",
-            "copier",
-            "keyboard",
-        }
-    ),
-    "dining room": frozenset({"dining table"}),
-    "laundry room": frozenset({"washing machine", "clothes dryer", "laundry hamper", "ironing board"}),
+    room: frozenset(listed_in(signs))
+    for room, signs in {
+        "bedroom": "bed, nightstand, dresser, mattress",
+        "kitchen": "stove, oven, refrigerator, kitchen cabinet, kitchen counter, dishwasher, range hood, microwave, "
+        "toaster, toaster oven, coffee maker, dish rack",
+        "bathroom": "toilet, bathtub, shower, shower curtain, bathroom cabinet, bathroom vanity, bathroom counter, "
+        "toilet paper, plunger",
+        "living room": "couch, coffee table, tv stand, fireplace, sofa chair, ottoman, tv",
+        "office": "office chair, computer tower, monitor, printer, file cabinet, whiteboard, desk, copier, keyboard",
+        "dining room": "dining table",
+        "laundry room": "washing machine, clothes dryer, laundry hamper, ironing board",
+    }.items()
 }
-"""Things that tell what a room is; the first room wins a tie."""
+"""Things that tell what a room is."""
 
 ROOM_NAMES: dict[str, str] = {
-    "bedroom": "bedroom",
-    "kitchen": "kitchen",
-    "bathroom": "bathroom",
-    "restroom": "bathroom",
-    "washroom": "bathroom",
-    "toilet room": "bathroom",
-    "living room": "living room",
-    "lounge": "living room",
-    "sitting room": "living room",
-    "office": "office",
-    "study": "office",
-    "study room": "office",
-    "workroom": "office",
-    "dining room": "dining room",
-    "laundry room": "laundry room",
-    "laundry": "laundry room",
-    "utility room": "laundry room",
-    "hallway": "hallway",
-    "hall": "hallway",
-    "corridor": "hallway",
-    "entrance": "hallway",
+    word: room
+    for room, words in {
+        "bedroom": "bedroom",
+        "kitchen": "kitchen",
+        "bathroom": "bathroom, restroom, washroom, toilet room",
+        "living room": "living room, lounge, sitting room",
+        "office": "office, study, study room, workroom",
+        "dining room": "dining room",
+        "laundry room": "laundry room, laundry, utility room",
+        "hallway": "hallway, hall, corridor, entrance",
+    }.items()
+    for word in listed_in(words)
 }
 """Words for rooms."""
 
 MATERIALS: dict[str, str] = {
-    "table": "wood",
-    "coffee table": "wood",
-    "dining table": "wood",
-    "desk": "wood",
-    "bookshelf": "wood",
-    "cabinet": "wood",
-    "dresser": "wood",
-    "nightstand": "wood",
-    "wardrobe": "wood",
-    "door": "wood",
-    "couch": "fabric",
-    "armchair": "fabric",
-    "sofa chair": "fabric",
-    "pillow": "fabric",
-    "cushion": "fabric",
-    "curtain": "fabric",
-    "blanket": "fabric",
-    "towel": "fabric",
-    "mirror": "glass",
-    "window": "glass",
-    "bottle": "glass",
-    "sink": "ceramic",
-    "toilet": "ceramic",
-    "bathtub": "ceramic",
-    "cup": "ceramic",
-    "bowl": "ceramic",
-    "plate": "ceramic",
-    "refrigerator": "metal",
-    "stove": "metal",
-    "oven": "metal",
-    "radiator": "metal",
-    "book": "paper",
-    "box": "cardboard",
-    "trash can": "plastic",
+    name: material
+    for material, names in {
+        "wood": "table, coffee table, dining table, end table, desk, bookshelf, cabinet, dresser, nightstand, "
+        "wardrobe, door",
+        "fabric": "couch, armchair, sofa chair, pillow, cushion, curtain, blanket, towel",
+        "glass": "mirror, window, bottle",
+        "ceramic": "sink, toilet, bathtub, cup, bowl, plate",
+        "metal": "refrigerator, stove, oven, radiator",
+        "paper": "book",
+        "cardboard": "box",
+        "plastic": "trash can, bin",
+    }.items()
+    for name in listed_in(names)
 }
 """What a thing is usually made of: a guess, and hedged as one."""
-
-USES: tuple[tuple[tuple[str, ...], tuple[str, ...], str], ...] = (
-    (("sleep",), ("bed", "couch", "mattress"), "sleeping"),
-    (("nap",), ("bed", "couch", "pillow", "mattress"), "sleeping"),
-    (("lie", "down"), ("bed", "couch"), "sleeping"),
-    (("tired",), ("bed", "couch", "armchair"), "sleeping"),
-    (("rest",), ("bed", "couch", "armchair", "sofa chair"), "resting"),
-    (("head",), ("pillow", "cushion"), "resting the head"),
-    (("relax",), ("couch", "armchair", "sofa chair", "bed"), "relaxing"),
-    (("sit",), ("couch", "chair", "armchair", "sofa chair", "office chair", "stool", "bench", "ottoman"), "sitting"),
-    (("seat",), ("couch", "chair", "armchair", "sofa chair", "office chair", "stool", "bench"), "sitting"),
-    (("feet",), ("ottoman", "stool"), "putting up the feet"),
-    (("wash", "hand"), ("sink", "soap dispenser", "soap dish"), "washing hands"),
-    (("wash", "face"), ("sink", "towel"), "washing"),
-    (("wash", "dish"), ("dishwasher", "sink"), "washing dishes"),
-    (("clean", "dish"), ("dishwasher", "sink"), "washing dishes"),
-    (("dirty", "dish"), ("dishwasher", "sink"), "washing dishes"),
-    (("wash", "cloth"), ("washing machine", "laundry basket"), "washing clothes"),
-    (("dirty", "cloth"), ("laundry hamper", "laundry basket", "washing machine"), "holding dirty clothes"),
-    (("laundry",), ("washing machine", "laundry basket", "laundry hamper", "clothes dryer"), "doing the laundry"),
-    (("dry", "cloth"), ("clothes dryer", "rack"), "drying clothes"),
-    (("dry", "hair"), ("hair dryer", "towel"), "drying hair"),
-    (("dry", "hand"), ("towel", "paper towel roll", "paper towel dispenser"), "drying hands"),
-    (("dry", "off"), ("towel",), "drying off"),
-    (("bathe",), ("bathtub", "shower"), "bathing"),
-    (("bath",), ("bathtub", "shower"), "bathing"),
-    (("shower",), ("shower", "bathtub"), "showering"),
-    (("brush", "teeth"), ("sink",), "brushing teeth"),
-    (("toilet",), ("toilet",), "using the toilet"),
-    (("pee",), ("toilet",), "using the toilet"),
-    (("fry",), ("stove",), "cooking"),
-    (("boil",), ("stove", "coffee kettle"), "cooking"),
-    (("cook",), ("stove", "oven", "microwave"), "cooking"),
-    (("bake",), ("oven", "toaster oven"), "baking"),
-    (("roast",), ("oven",), "baking"),
-    (("toast",), ("toaster", "toaster oven"), "toasting bread"),
-    (("heat", "food"), ("microwave", "stove", "oven"), "heating food"),
-    (("heat", "up"), ("microwave", "stove", "oven"), "heating food"),
-    (("warm", "up"), ("microwave", "stove", "oven"), "heating food"),
-    (("leftover",), ("microwave", "refrigerator"), "heating food"),
-    (("meal",), ("dining table", "stove", "oven", "microwave"), "eating or cooking"),
-    (("food", "cold"), ("refrigerator", "mini fridge"), "keeping food cold"),
-    (("food", "fresh"), ("refrigerator", "mini fridge"), "keeping food cold"),
-    (("keep", "cold"), ("refrigerator", "mini fridge"), "keeping food cold"),
-    (("keep", "cool"), ("refrigerator", "mini fridge"), "keeping food cold"),
-    (("milk",), ("refrigerator", "mini fridge"), "keeping food cold"),
-    (("chill",), ("refrigerator", "mini fridge"), "keeping food cold"),
-    (("hungry",), ("refrigerator", "kitchen cabinet"), "keeping food"),
-    (("eat",), ("dining table", "table", "kitchen counter"), "eating"),
-    (("dinner",), ("dining table", "table", "stove"), "eating"),
-    (("lunch",), ("dining table", "table"), "eating"),
-    (("breakfast",), ("dining table", "table"), "eating"),
-    (("coffee",), ("coffee maker", "coffee kettle", "cup"), "making coffee"),
-    (("tea",), ("coffee kettle", "cup"), "making tea"),
-    (("thirsty",), ("water bottle", "bottle", "cup", "refrigerator", "sink", "water cooler"), "drinking"),
-    (("drink",), ("cup", "bottle", "water bottle", "refrigerator", "sink"), "drinking"),
-    (("water", "get"), ("sink", "water bottle", "water cooler", "bottle"), "drinking"),
-    (("read",), ("book", "bookshelf", "lamp", "couch"), "reading"),
-    (("book", "store"), ("bookshelf", "shelf"), "keeping books"),
-    (("book", "put"), ("bookshelf", "shelf"), "keeping books"),
-    (("light",), ("lamp", "light", "ceiling light", "light switch"), "giving light"),
-    (("brighter",), ("lamp", "light", "ceiling light", "light switch", "curtain"), "giving light"),
-    (("illuminate",), ("lamp", "light", "ceiling light"), "giving light"),
-    (("dark",), ("lamp", "light", "ceiling light", "light switch"), "giving light"),
-    (("too", "bright"), ("curtain", "blinds"), "blocking light"),
-    (("sun",), ("curtain", "blinds", "window"), "blocking light"),
-    (("privacy",), ("curtain", "blinds", "door"), "privacy"),
-    (("outside",), ("window", "door"), "looking out"),
-    (("fresh", "air"), ("window",), "letting in air"),
-    (("airflow",), ("fan", "window"), "moving air"),
-    (("hot",), ("fan", "window"), "cooling down"),
-    (("cool", "down"), ("fan", "window"), "cooling down"),
-    (("cool", "room"), ("fan", "window"), "cooling down"),
-    (("cold",), ("blanket", "radiator", "fireplace"), "warmth"),
-    (("warm",), ("blanket", "radiator", "fireplace"), "warmth"),
-    (("heat", "room"), ("radiator", "fireplace"), "heating the room"),
-    (("cover", "myself"), ("blanket",), "warmth"),
-    (("movie",), ("tv", "projector screen", "laptop", "monitor"), "watching films"),
-    (("film",), ("tv", "projector screen", "laptop", "monitor"), "watching films"),
-    (("watch",), ("tv", "monitor", "laptop"), "watching films"),
-    (("news",), ("tv", "laptop"), "watching the news"),
-    (("show",), ("tv",), "watching shows"),
-    (("music",), ("speaker", "guitar", "piano", "keyboard piano", "headphones"), "music"),
-    (("instrument",), ("guitar", "piano", "keyboard piano"), "making music"),
-    (("time",), ("clock", "alarm clock"), "telling the time"),
-    (("wake",), ("alarm clock",), "waking up"),
-    (("throw",), ("trash can", "trash bin", "bin", "recycling bin"), "throwing things away"),
-    (("dispose",), ("trash can", "trash bin", "bin", "recycling bin"), "throwing things away"),
-    (("garbage",), ("trash can", "trash bin", "bin"), "throwing things away"),
-    (("trash",), ("trash can", "trash bin", "bin"), "throwing things away"),
-    (("waste",), ("trash can", "trash bin", "bin", "recycling bin"), "throwing things away"),
-    (("recycl",), ("recycling bin", "trash can"), "recycling"),
-    (("hang", "coat"), ("coat rack", "wardrobe", "closet"), "hanging up coats"),
-    (("hang", "jacket"), ("coat rack", "wardrobe", "closet"), "hanging up coats"),
-    (("hang",), ("coat rack", "closet", "wardrobe", "rack"), "hanging things up"),
-    (("cloth",), ("wardrobe", "dresser", "closet", "clothes"), "keeping clothes"),
-    (("dressed",), ("wardrobe", "dresser", "closet"), "keeping clothes"),
-    (("document",), ("file cabinet", "desk"), "keeping documents"),
-    (("store",), ("cabinet", "wardrobe", "shelf", "bookshelf", "dresser", "storage bin"), "storing things"),
-    (("write",), ("desk", "whiteboard", "blackboard", "table"), "writing"),
-    (("note",), ("paper", "desk", "whiteboard", "laptop"), "writing"),
-    (("draw",), ("whiteboard", "blackboard", "paper", "desk"), "drawing"),
-    (("work",), ("desk", "laptop", "office chair", "table"), "working"),
-    (("study",), ("desk", "office chair", "table"), "working"),
-    (("homework",), ("desk", "table"), "working"),
-    (("email",), ("laptop", "monitor", "computer tower"), "computing"),
-    (("internet",), ("laptop", "monitor", "computer tower"), "computing"),
-    (("comput",), ("laptop", "monitor", "computer tower", "desk"), "computing"),
-    (("type",), ("keyboard", "laptop"), "typing"),
-    (("print",), ("printer", "copier"), "printing"),
-    (("call",), ("telephone",), "calling"),
-    (("charge",), ("power outlet", "power strip"), "charging"),
-    (("plug",), ("power outlet", "power strip"), "plugging in"),
-    (("myself",), ("mirror",), "looking at oneself"),
-    (("reflection",), ("mirror",), "looking at oneself"),
-    (("makeup",), ("mirror",), "looking at oneself"),
-    (("look", "like"), ("mirror",), "looking at oneself"),
-    (("vacuum",), ("vacuum cleaner",), "cleaning the floor"),
-    (("clean", "floor"), ("vacuum cleaner", "broom"), "cleaning the floor"),
-    (("sweep",), ("broom", "dustpan", "vacuum cleaner"), "cleaning the floor"),
-    (("spill",), ("paper towel roll", "towel", "tissue box"), "wiping up"),
-    (("wipe",), ("paper towel roll", "towel", "tissue box"), "wiping up"),
-    (("sneez",), ("tissue box",), "blowing the nose"),
-    (("wrinkle",), ("ironing board",), "ironing"),
-    (("iron",), ("ironing board",), "ironing"),
-    (("exercise",), ("dumbbell", "bicycle", "ball"), "exercise"),
-    (("workout",), ("dumbbell", "bicycle"), "exercise"),
-    (("bike",), ("bicycle",), "riding"),
-    (("ride",), ("bicycle",), "riding"),
-    (("reach", "high"), ("ladder", "stool"), "climbing"),
-    (("reach", "top"), ("ladder", "stool"), "climbing"),
-    (("climb",), ("ladder", "stairs"), "climbing"),
-    (("fire",), ("fire extinguisher", "fire alarm"), "putting out fire"),
-    (("travel",), ("suitcase", "luggage", "backpack"), "travelling"),
-    (("trip",), ("suitcase", "luggage", "backpack"), "travelling"),
-    (("pack",), ("suitcase", "luggage", "backpack", "box"), "packing"),
-    (("carry",), ("backpack", "bag", "basket"), "carrying things"),
-    (("school",), ("backpack",), "carrying things"),
-    (("leave", "room"), ("door",), "leaving"),
-    (("enter",), ("door",), "entering"),
-    (("weigh",), ("scale",), "weighing"),
-    (("smoke",), ("range hood", "fire alarm", "window"), "clearing smoke"),
-    (("child", "play"), ("stuffed animal", "ball"), "playing"),
-    (("play",), ("ball", "guitar", "piano", "stuffed animal", "tv"), "playing"),
-    (("decorat",), ("picture", "plant", "potted plant", "decoration"), "decoration"),
-    (("nature",), ("plant", "potted plant", "window"), "greenery"),
-)
-"""Words of a purpose (each is the beginning of a word of the question), things that serve it, and its name.
-
-A purpose with more words is the more particular one and goes first."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
-from pipeline.models.symbolic.words import singular, tokens
+from pipeline.models.symbolic.words import listed_in, singular, tokens
 from pipeline.scene.color_names import COLOR_NAMES
 
 SYNONYMS: tuple[tuple[str, ...], ...] = (
@@ -127,8 +127,10 @@ KINDS: dict[str, tuple[str, ...]] = {
 """Narrower or neighbouring names that a word may stand for where its own name is absent."""
 
 ANYTHING = frozenset(
-    "object objects thing things item items something anything stuff furniture piece pieces device it one ones what which "
-    "everything nothing".split()
+    listed_in(
+        "object, objects, thing, things, item, items, something, anything, stuff, furniture, piece, pieces, device, "
+        "it, one, ones, what, which, everything, nothing"
+    )
 )
 """Words for a thing that is not named."""
 
@@ -172,7 +174,7 @@ NEAR_COLORS: frozenset[frozenset[str]] = frozenset(
 RELATIONS: dict[tuple[str, ...], str] = {
     tuple(phrase.split()): relation
     for relation, phrases in {
-        "on": "on|on top of|atop|upon|lying on|sitting on|standing on|placed on|hanging on|supported by|over the top of",
+        "on": "on|on top of|atop|upon|lying on|sitting on|standing on|placed on|hanging on|supported by",
         "in": "in|inside|inside of|within|into",
         "under": "under|underneath|beneath|below",
         "above": "above|over",
@@ -184,7 +186,8 @@ RELATIONS: dict[tuple[str, ...], str] = {
         "right": "right of|to the right of|on the right of|on the right side of|to the right side of|to right of",
         "between": "between|in between|in-between|in between of",
         "nearest": "nearest|nearest to|closest|closest to|closer to|nearer|nearer to|most near",
-        "farthest": "farthest from|furthest from|farther from|further from|farthest|furthest|farthest away from|furthest away from",
+        "farthest": "farthest from|furthest from|farther from|further from|farthest|furthest|farthest away from|"
+        "furthest away from",
         "facing": "facing|across from|opposite|opposite of|opposite to",
     }.items()
     for phrase in phrases.split("|")

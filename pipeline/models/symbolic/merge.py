@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float, Int64
+from jaxtyping import Bool, Float, Int64
 
 from pipeline.models.symbolic.components import Parts, jump_limit
 
@@ -12,9 +12,13 @@ HIDDEN_GAP_M = 0.5
 UPRIGHT_GAP_M = 0.45
 """Tallest gap bridged within one upright thing, such as the pole between a lamp's shade and foot."""
 UPRIGHT_OVERLAP = 0.5
-"""Share of the narrower part's footprint that must lie over the other for them to be one upright thing."""
+"""Share of the narrower part's width that must lie over the other for them to be one upright thing."""
+STANDS_OUT_M = 0.15
+"""How far one part of an upright thing may stand out before the other, as a lamp's shade does."""
 OCCLUDED_SHARE = 0.5
 """Share of the pixels between two parts that must lie nearer than both."""
+NEAREST = 48
+"""Pixels of each part tried for where two parts are closest."""
 PROBES = 16
 """Pixels looked at between two parts."""
 
@@ -24,6 +28,7 @@ def merge_parts(
     depth_m: Float[np.ndarray, "H W"],
     low: Float[np.ndarray, "P 3"],
     high: Float[np.ndarray, "P 3"],
+    mergeable: Bool[np.ndarray, "P"],
 ) -> Int64[np.ndarray, "P"]:
     """Return the object of each part: the index of its largest part.
 
@@ -32,15 +37,16 @@ def merge_parts(
         depth_m: z-depth of the view, metres.
         low: Lower corner of each part's box in gravity-aligned axes (right, up, forward), metres.
         high: Upper corner.
+        mergeable: Parts that may be an object with others; false for walls and the like, which are everywhere.
     """
     owner = np.arange(len(parts.category))
-    for first in range(len(owner)):
+    for first in np.flatnonzero(mergeable):
         same = np.flatnonzero(parts.category[first + 1 :] == parts.category[first]) + first + 1
         for second in same:
             if owner[second] == owner[first]:
                 continue
             gap = np.maximum(0.0, np.maximum(low[first] - high[second], low[second] - high[first]))
-            upright = _one_upright_thing(low[[first, second]], high[[first, second]], gap)
+            upright = _one_upright_thing(low[np.array([first, second])], high[np.array([first, second])], gap)
             if upright or (
                 np.linalg.norm(gap) <= HIDDEN_GAP_M and _cut_by_something_nearer(parts, depth_m, first, int(second))
             ):
@@ -52,12 +58,12 @@ def merge_parts(
 def _one_upright_thing(
     low: Float[np.ndarray, "2 3"], high: Float[np.ndarray, "2 3"], gap: Float[np.ndarray, "3"]
 ) -> bool:
-    if gap[1] > UPRIGHT_GAP_M or gap[0] > 0 or gap[2] > 0:
+    if gap[1] > UPRIGHT_GAP_M or gap[0] > 0 or gap[2] > STANDS_OUT_M:
         return False
     stacked = max(low[0, 1], low[1, 1]) > min(high[0, 1], high[1, 1]) - 0.25 * min(high[:, 1] - low[:, 1])
     overlap = np.minimum(high[0], high[1]) - np.maximum(low[0], low[1])
     narrow = np.minimum(high[0] - low[0], high[1] - low[1])
-    return bool(stacked and overlap[0] >= UPRIGHT_OVERLAP * narrow[0] and overlap[2] >= UPRIGHT_OVERLAP * narrow[2])
+    return bool(stacked and overlap[0] >= UPRIGHT_OVERLAP * narrow[0])
 
 
 def _cut_by_something_nearer(parts: Parts, depth_m: Float[np.ndarray, "H W"], first: int, second: int) -> bool:
@@ -66,7 +72,8 @@ def _cut_by_something_nearer(parts: Parts, depth_m: Float[np.ndarray, "H W"], fi
     ends = []
     for part in (first, second):
         begin, end = np.searchsorted(parts.sample_part, [part, part + 1])
-        ends.append(np.stack(np.divmod(parts.sample_pixel[begin:end], width), axis=1))
+        pixels = parts.sample_pixel[begin : end : max(1, (end - begin) // NEAREST)]
+        ends.append(np.stack(np.divmod(pixels, width), axis=1))
     a, b = ends[0][:, None], ends[1][None]
     nearest = np.unravel_index(int(((a - b) ** 2).sum(axis=-1).argmin()), (len(ends[0]), len(ends[1])))
     start, stop = ends[0][nearest[0]], ends[1][nearest[1]]

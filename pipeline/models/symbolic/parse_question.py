@@ -16,7 +16,7 @@ from pipeline.models.symbolic.phrases import NOTHING, Kind, Link, Phrase, Query
 from pipeline.models.symbolic.tagging import Token, tag
 
 _BE = frozenset({"is", "are", "was", "were", "be", "am", "being", "been"})
-_ASK = frozenset({"what", "which", "who", "whats"})
+_ASK = frozenset({"what", "which", "whats"})
 _AUXILIARY = _BE | {"do", "does", "did", "can", "could", "has", "have", "will", "would", "should", "might"}
 _BACK = frozenset({"it", "they", "and", "but"})
 """Words after which a description goes on about its subject."""
@@ -26,10 +26,7 @@ _FIND = frozenset(
 )
 """Verbs with which "where" asks for a place even when somebody does something."""
 _PERSON = frozenset({"i", "we", "you", "one", "someone", "somebody", "me", "my", "us", "they"})
-_ARTICLES = frozenset(
-    {"a", "an", "the", "my", "your", "this", "these", "that", "those", "some", "any", "another", "other"}
-)
-_COMPARED = {"near": "nearest", "far": "farthest"}
+_SOMETHING = frozenset({"something", "anything", "somewhere", "anywhere", "place", "way"})
 _MAX_DEPTH = 6
 """Longest chain of relations that is followed."""
 
@@ -107,10 +104,11 @@ def _kind(words: tuple[str, ...], groups: Sequence[Token]) -> tuple[Kind, str]:
     text = " ".join(words)
     opening = _opening(groups)
     first = opening[0] if opening else ""
-    second = opening[1] if len(opening) > 1 else ""
     has = set(words)
     asks = first in _ASK or first in {"where", "how", "on", "in"} or first in _AUXILIARY
     extremes = [g for g in groups if g.tag == "extreme" or (g.tag == "relation" and g.value in ("nearest", "farthest"))]
+    if first in {"why", "when", "who", "whose"}:
+        return "unknown", ""
     if "how many" in text or text.startswith(("count ", "number of")):
         return "count", ""
     if "color" in has and ("what" in has or "which" in has):
@@ -123,6 +121,8 @@ def _kind(words: tuple[str, ...], groups: Sequence[Token]) -> tuple[Kind, str]:
         ask in text for ask in ("which side", "what side", "left or right", "left or the right", "left or to the right")
     ):
         return "side", ""
+    if "same room" in text:
+        return "same room", ""
     if "used for" in text or "purpose of" in text or "function of" in text:
         return "purpose", ""
     states = [g.value for g in groups if g.tag == "state"]
@@ -130,23 +130,31 @@ def _kind(words: tuple[str, ...], groups: Sequence[Token]) -> tuple[Kind, str]:
         return "state", ""
     if "or" in has and extremes and asks:
         return "compare", extremes[0].value
-    if first == "where":
-        return ("use", "") if _for_somebody(words) else ("where", "")
-    if first in _ASK and _for_somebody(words):
+    if first == "where" or (first in _AUXILIARY and "where" in has):
+        return ("use", "where") if _for_somebody(words, _FIND | {"know", "tell"}) else ("where", "")
+    if first in _ASK and _for_somebody(words, frozenset({"find", "see"})):
         return "use", ""
+    if text.startswith("i mean") or "looking for" in text or "look for the" in text:
+        return "describe", ""
     if first in {"how", "i", "im", "i'm", "we"} or (has & {"i", "i'm"} and not asks):
         return "use", ""
-    if first in _ASK and second not in _BE and extremes and any(g.tag == "noun" for g in groups[:4]):
+    if first in _ASK and extremes and extremes[0].tag == "extreme" and _names_a_thing(groups, extremes[0]):
         return "which", extremes[0].value
     if first == "which" and any(g.tag == "noun" for g in groups[:5]):
         return "which", extremes[0].value if extremes else ""
     if first in _ASK:
         return "identify", ""
+    if "point out" in text or "show me" in text:
+        return "describe", ""
+    if first in _AUXILIARY and "to" in has and has & _SOMETHING:
+        return "use", "can"
+    if first in {"would", "do"} and "or" in has and sum(g.tag == "color" for g in groups) > 1:
+        return "color", "choose"
     if text.startswith(("is there", "are there", "do you see", "can you see", "can i see", "is any", "are any")) or (
         "does" in has and "have" in has
     ):
         return "exists", ""
-    if first in {"can", "could", "should", "would"} and _for_somebody(words):
+    if first in {"can", "could", "should", "would"} and _for_somebody(words, frozenset({"say", "see"})):
         return "use", "can"
     if first in _AUXILIARY:
         return "check", ""
@@ -161,16 +169,25 @@ def _opening(groups: Sequence[Token]) -> list[str]:
             starts.append(index + 1)
     for start in reversed(starts):
         words = [word for group in groups[start : start + 4] for word in group.text.split()]
-        if words and (words[0] in _ASK | {"where", "how"} or (words[0] in _AUXILIARY and start == 0)):
+        if words and (
+            words[0] in _ASK | {"where", "how", "why", "when", "who", "whose"}
+            or (words[0] in _AUXILIARY and start == 0)
+        ):
             return words
     return [word for group in groups[:4] for word in group.text.split()]
 
 
-def _for_somebody(words: tuple[str, ...]) -> bool:
-    """Return whether somebody wants to do something, other than to find a thing."""
+def _names_a_thing(groups: Sequence[Token], extreme: Token) -> bool:
+    """Return whether a noun follows: "the shortest lamp" singles out a lamp, "the shortest thing" anything."""
+    after = groups[list(groups).index(extreme) + 1 :]
+    return bool(after) and after[0].tag in ("noun", "color")
+
+
+def _for_somebody(words: tuple[str, ...], looking: frozenset[str]) -> bool:
+    """Return whether somebody wants to do something other than to look for a thing."""
     for index in range(len(words) - 1):
         if words[index] in {"can", "could", "should", "would", "do", "might", "to"} and words[index + 1] in _PERSON:
-            return index + 2 >= len(words) or words[index + 2] not in _FIND
+            return index + 2 >= len(words) or words[index + 2] not in looking
     return "to" in words and bool({"use", "used", "go", "need", "want"} & set(words))
 
 
@@ -351,6 +368,11 @@ def _query(kind: Kind, measure: str, reading: _Reading, words: tuple[str, ...]) 
             target = replace(
                 thing.freeze(), state="", links=(Link("near", replace(anchor.freeze(), state="", links=())),)
             )
+    if kind == "same room":
+        named = list({id(draft): draft for draft in things if draft.words}.values())
+        target = named[0].freeze() if named else target
+        target = replace(target, links=tuple(link for link in target.links if link.relation != "in"))
+        options = tuple(draft.freeze() for draft in named[1:])
     if kind == "compare":
         anchors = [end for draft in things for relation, ends in draft.links if relation == measure for end in ends]
         reference = anchors[0].freeze() if anchors else None

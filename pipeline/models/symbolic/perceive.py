@@ -14,8 +14,8 @@ from jaxtyping import Float, Int64
 
 from pipeline.models.messages import ImagePart
 from pipeline.models.symbolic.components import Parts, find_parts, jump_limit
-from pipeline.models.symbolic.merge import merge_parts
 from pipeline.models.symbolic.knowledge import STRUCTURE
+from pipeline.models.symbolic.merge import merge_parts
 from pipeline.scene.color_names import COLOR_NAMES, name_colors
 
 PATCH_SHARE = 1 / 24**2
@@ -101,7 +101,7 @@ def perceive(image: ImagePart) -> View:
     height, width = seen.category.shape
     stride = max(1, int(np.ceil(np.sqrt(height * width / MAX_PIXELS))))
     category, depth = seen.category[::stride, ::stride], np.asarray(seen.depth[::stride, ::stride], np.float32)
-    color = image.color[::stride, ::stride]
+    color = np.ascontiguousarray(image.color[::stride, ::stride])
     category = np.where(category < len(seen.vocabulary), category, -1)
     pixels = category.size
     parts = find_parts(category, depth, max(4, int(PART_SHARE * pixels)))
@@ -109,11 +109,12 @@ def perceive(image: ImagePart) -> View:
         return View(())
     points = _points(parts, depth, np.asarray(seen.K, np.float64), np.asarray(seen.up, np.float64), stride)
     low, high = _boxes(parts, points)
-    owner = merge_parts(parts, depth, low, high)
-    rgb = np.asarray(color, np.float64).reshape(-1, 3)[parts.sample_pixel] / 255.0
+    building = np.array([seen.vocabulary[name] in STRUCTURE for name in parts.category])
+    owner = merge_parts(parts, depth, low, high, ~building)
+    rgb = color.reshape(-1, 3)[parts.sample_pixel] / 255.0
     names, bright = name_colors(rgb), rgb.max(axis=1)
     begins = np.searchsorted(parts.sample_part, np.arange(len(owner) + 1))
-    things, index_of_owner = [], {}
+    things: list[tuple[Thing, int]] = []
     for first in np.unique(owner):
         members = np.flatnonzero(owner == first)
         samples = np.concatenate([np.arange(begins[m], begins[m + 1]) for m in members])
@@ -128,7 +129,6 @@ def perceive(image: ImagePart) -> View:
             depth.shape,
         )
         if thing is not None:
-            index_of_owner[int(first)] = len(things)
             things.append((thing, int(first)))
     things.sort(key=lambda pair: (-pair[0].share, pair[1]))
     index_of_part = np.full(len(owner) + 1, -1)
@@ -198,7 +198,7 @@ def _thing(
         bright=bright,
         low=box[0],
         high=box[1],
-        distance=float(np.median(np.linalg.norm(points, axis=1))),
+        distance=float(np.sqrt(np.partition((points**2).sum(axis=1), len(points) // 2)[len(points) // 2])),
         flatness=flatness,
         facing=facing,
     )

@@ -20,6 +20,7 @@ Kind = Literal[
     "room",
     "material",
     "side",
+    "same room",
     "describe",
     "unknown",
 ]
@@ -28,7 +29,8 @@ Kind = Literal[
 count: how many; color: what colour; where: the place of a named thing; identify: an unnamed thing at a named place;
 exists: is there one; check: does what is said of a thing hold; state: open or closed, on or off; compare: which of two
 named things; which: which one of several of a name; use: what serves a purpose; purpose: what a thing serves;
-room: which room; material: made of what; side: left or right; describe: a sentence that describes a thing.
+room: which room; material: made of what; side: left or right; same room: are two things in one; describe: a sentence
+that describes a thing.
 """
 
 

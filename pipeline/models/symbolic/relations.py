@@ -155,9 +155,22 @@ def between(view: View, a: int, b: int, c: int) -> float:
     return 1.0 if 0.1 < along < 0.9 and off <= max(0.4, 0.3 * length) else 0.0
 
 
+def held_on(view: View, a: int, b: int) -> float:
+    """Return whether a is on b in the loose way of speech, where a book is on a shelf that encloses it."""
+    return max(on(view, a, b), 0.9 * inside(view, a, b))
+
+
+def held_in(view: View, a: int, b: int) -> float:
+    """Return whether a is in b in the loose way of speech: in a counter, in a bed, in what hardly encloses it."""
+    inner, outer = view.things[a], view.things[b]
+    sunk = inner.name not in STRUCTURE and inner.high[1] <= outer.high[1] + STEP_M and _over(inner, outer, 0.0)
+    sunk = sunk and inner.low[1] > outer.low[1] + STEP_M
+    return max(inside(view, a, b), 0.9 * on(view, a, b), 0.9 * sunk)
+
+
 DEGREES: dict[str, Degree] = {
-    "on": on,
-    "in": inside,
+    "on": held_on,
+    "in": held_in,
     "under": under,
     "above": above,
     "behind": behind,

@@ -35,6 +35,8 @@ OTHER_ROOM = 0.2
 """Fit when the view shows signs of another room than the one named."""
 UNCERTAIN = 0.7
 """Fit of a thing that is recognised without certainty."""
+SAME_ROOM_M = 3.0
+"""Signs of a room count for things this close: rooms are about this large."""
 MAX_DEPTH = 3
 """Anchors of anchors followed this far."""
 
@@ -52,7 +54,7 @@ class Match:
 
 
 def candidates(phrase: Phrase, view: View) -> list[int]:
-    """Return the things that carry a name of the phrase; for an unnamed thing, all that are not parts of the building."""
+    """Return the things that carry a name of the phrase; for an unnamed one, all but parts of the building."""
     if phrase.anything:
         return [index for index, thing in enumerate(view.things) if thing.name not in STRUCTURE]
     return view.named(phrase.exact) or view.named(phrase.kinds)
@@ -72,7 +74,11 @@ def resolve(phrase: Phrase, view: View, depth: int = 0) -> list[Match]:
         fit = 1.0 if thing.clear else UNCERTAIN
         if not phrase.anything and thing.name not in phrase.exact:
             fit *= OTHER_KIND
-        fit *= _color_fit(phrase.colors, thing) * _state_fit(phrase.state, view, index) * _room_fit(phrase.room, view)
+        fit *= (
+            _color_fit(phrase.colors, thing)
+            * _state_fit(phrase.state, view, index)
+            * _room_fit(phrase.room, view, index)
+        )
         measure = None
         for link in phrase.links:
             degree, distance = _link_fit(link, view, index, depth)
@@ -114,15 +120,28 @@ def extent(extreme: str, thing: Thing) -> float:
     return measures[extreme]
 
 
-def room_of(view: View) -> str:
-    """Return the room most signs point to, or "" where there is none or a tie."""
-    votes = {room: 0.0 for room in ROOM_SIGNS}
+def room_of(view: View, index: int | None = None) -> str:
+    """Return the room most signs point to, or "" where there is none or a tie.
+
+    Args:
+        view: The view.
+        index: The thing whose room is asked for; None for what the view shows most of. Through a doorway one sees
+            signs of another room, so signs far from the thing do not count.
+    """
+    votes = dict.fromkeys(ROOM_SIGNS, 0.0)
     for thing in view.things:
+        if index is not None and gap_m(thing, view.things[index]) > SAME_ROOM_M:
+            continue
         for room, signs in ROOM_SIGNS.items():
             if thing.name in signs:
                 votes[room] += 1.0 + thing.share
     best = sorted(votes.items(), key=lambda item: -item[1])
     return best[0][0] if best[0][1] > best[1][1] else ""
+
+
+def room_signs(view: View, room: str) -> int:
+    """Return how many different kinds of things in view point to a room."""
+    return len({thing.name for thing in view.things if thing.name in ROOM_SIGNS.get(room, frozenset())})
 
 
 def _color_fit(colors: Sequence[str], thing: Thing) -> float:
@@ -143,8 +162,8 @@ def _state_fit(state: str, view: View, index: int) -> float:
     return 1.0 if seen.value == state else STATE_WRONG
 
 
-def _room_fit(room: str, view: View) -> float:
-    seen = room_of(view) if room else ""
+def _room_fit(room: str, view: View, index: int) -> float:
+    seen = room_of(view, index) if room else ""
     return OTHER_ROOM if seen and seen != room else 1.0
 
 

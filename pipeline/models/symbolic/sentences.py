@@ -60,18 +60,13 @@ def be(phrase: Phrase) -> str:
     return "are" if phrase.plural else "is"
 
 
-def said(phrase: Phrase, name: str) -> str:
-    """Return the noun the question used, or the name of what was seen where it used none."""
-    return phrase.words or name
-
-
 def link_words(phrase: Phrase) -> str:
     """Return what a phrase says of the place, such as "on the table next to the bed"; empty when it says nothing."""
     said_links = []
     for link in phrase.links:
         relation = SPOKEN.get(link.relation, link.relation)
         ends = [link.anchor] + ([link.other] if link.other else [])
-        things = " and ".join(f"the {end.words or 'thing'}{_with_space(link_words(end))}" for end in ends)
+        things = " and ".join(f"the {end.words or 'thing'}{spaced(link_words(end))}" for end in ends)
         said_links.append(f"{relation} {things}")
     return " and ".join(said_links)
 
@@ -94,7 +89,8 @@ def place_of(view: View, index: int, *, without: frozenset[str] = frozenset()) -
         if words == "on":
             holders = [i for i in holders if view.things[i].name not in UPRIGHT]
         if holders:
-            best = min(holders, key=lambda i: (-view.contacts.get((index, i), 0.0), view.things[i].share, i))
+            size = -1.0 if words == "under" else 1.0
+            best = min(holders, key=lambda i: (-view.contacts.get((index, i), 0.0), size * view.things[i].share, i))
             return f"{words} the {view.things[best].name}", view.things[best].clear
     beside = _beside(view, index, furniture)
     hanging = [i for i in others if view.things[i].name in UPRIGHT and on(view, index, i) >= 1.0]
@@ -102,8 +98,8 @@ def place_of(view: View, index: int, *, without: frozenset[str] = frozenset()) -
         over = [i for i in furniture if above(view, index, i) >= 1.0]
         place = f"on the {view.things[hanging[0]].name}"
         if over:
-            lowest = min(over, key=lambda i: (gap_m(thing, view.things[i]), i))
-            return f"{place} above the {view.things[lowest].name}", view.things[lowest].clear
+            largest = min(over, key=lambda i: (-view.things[i].share, i))
+            return f"{place} above the {view.things[largest].name}", view.things[largest].clear
         return (f"{place} {beside[0]}", beside[1]) if beside else (place, True)
     for i in sorted(furniture, key=lambda i: (gap_m(thing, view.things[i]), i)):
         if behind(view, index, i) >= 1.0 and gap_m(thing, view.things[i]) < 0.5:
@@ -125,5 +121,14 @@ def _beside(view: View, index: int, furniture: Sequence[int]) -> tuple[str, bool
     return f"next to the {view.things[best].name}", degree >= 1.0 and view.things[best].clear
 
 
-def _with_space(text: str) -> str:
+def spaced(text: str) -> str:
+    """Return a text with a space before it, or nothing for no text."""
     return f" {text}" if text else ""
+
+
+def described(phrase: Phrase) -> str:
+    """Return a phrase in words: "a blue chair next to the bed"."""
+    if phrase.anything and not phrase.colors:
+        return f"anything{spaced(link_words(phrase))}"
+    noun = " ".join((*phrase.colors[:1], phrase.words or "thing"))
+    return f"{noun if phrase.plural else with_article(noun)}{spaced(link_words(phrase))}"

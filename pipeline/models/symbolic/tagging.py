@@ -8,13 +8,31 @@ from typing import Literal
 
 from pipeline.models.symbolic.knowledge import ROOM_NAMES
 from pipeline.models.symbolic.lexicon import ANYTHING, COLORS, EXTREMES, RELATIONS, SIZES, STATES, Nouns
-from pipeline.models.symbolic.words import is_word, singular, tokens
+from pipeline.models.symbolic.words import is_word, listed_in, singular, tokens
 
 Tag = Literal["noun", "any", "room", "color", "size", "extreme", "state", "relation", "pause", "word"]
 
 _ROOM_KEYS = {tuple(name.split()): room for name, room in ROOM_NAMES.items()}
 _LONGEST_RELATION = max(len(phrase) for phrase in RELATIONS)
 _SWITCHED = frozenset({"turned", "switched", "powered", "left"})
+_VERBS = frozenset({"stand", "stands"})
+"""Nouns that are verbs where a relation follows: "which chair stands between"."""
+_BE = frozenset({"is", "are", "was", "were"})
+_ARTICLES = frozenset({"a", "an", "the", "my", "your", "any", "this", "these", "those"})
+_NO_NOUN = (
+    _ARTICLES
+    | _BE
+    | frozenset(
+        listed_in(
+            "middle, center, centre, corner, corners, front, back, side, sides, same, end, ends, other, one, "
+            "image, view, scene, top, bottom, way, time, room, house, apartment, home, place, two, three, four, "
+            "five, six, only, first, second, third, last, single, round, square, rectangular, state, status, "
+            "number, color, total, kind, type, row, moment, day, night, morning, evening, it, that, which, and, "
+            "or, of, not, there, i, you, we, most, more, pair, couple"
+        )
+    )
+)
+"""Words that name no thing though an article may stand before them."""
 _AFTER_STATE_ON = frozenset({"or", "?", ".", ",", ";"})
 
 
@@ -38,6 +56,11 @@ class Token:
 
 def tag(question: str, nouns: Nouns) -> list[Token]:
     """Return the groups of a question in order; longer groups win over shorter ones."""
+    found = _groups(question, nouns)
+    return [_unnamed(found, at) for at in range(len(found))]
+
+
+def _groups(question: str, nouns: Nouns) -> list[Token]:
     words = tokens(question)
     single = [singular(word) for word in words]
     found: list[Token] = []
@@ -56,6 +79,8 @@ def _group(words: Sequence[str], single: Sequence[str], at: int, nouns: Nouns) -
     if word == "on" and _is_state_on(words, at):
         return 1, Token("state", word, "on")
     noun = nouns.match(single, at)
+    if noun is not None and noun[0] == 1 and word in _VERBS and at and at + 1 < len(words) and _relation(words, at + 1):
+        return 1, Token("word", word, word)
     relation = _relation(words, at)
     if relation is not None and (noun is None or relation[0] >= noun[0]):
         return relation[0], Token("relation", " ".join(words[at : at + relation[0]]), relation[1])
@@ -74,6 +99,24 @@ def _group(words: Sequence[str], single: Sequence[str], at: int, nouns: Nouns) -
     if word in ANYTHING:
         return 1, Token("any", word, word, plural=word.endswith("s") and word != "this")
     return 1, Token("word", word, word)
+
+
+def _unnamed(found: Sequence[Token], at: int) -> Token:
+    """A plain word after an article, with no noun after it, is a noun the vocabulary has no name for."""
+    token = found[at]
+    if token.tag != "word" or token.text in _NO_NOUN or not token.text.isalpha():
+        return token
+    if at + 1 < len(found) and (
+        found[at + 1].tag in ("noun", "any", "room", "color", "size") or found[at + 1].text in _NO_NOUN - _BE
+    ):
+        return token
+    before = at - 1
+    while before >= 0 and found[before].tag in ("color", "size", "extreme"):
+        before -= 1
+    if before < 0 or found[before].text not in _ARTICLES:
+        return token
+    name = singular(token.text)
+    return Token("noun", token.text, name, plural=name != token.text)
 
 
 def _relation(words: Sequence[str], at: int) -> tuple[int, str] | None:

@@ -1,27 +1,151 @@
-"""Which things serve a purpose that a question names, and what a thing is for."""
+"""What things are for: which ones serve a purpose that a question names, and what purpose a thing has."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
-from pipeline.models.symbolic.knowledge import USES
+from pipeline.models.symbolic.words import listed_in
+
+_SEATS = "couch, chair, armchair, sofa chair, office chair, stool, bench, ottoman, bed, seat, folded chair"
+_BINS = "trash can, trash bin, bin, recycling bin"
+_LAMPS = "lamp, light, ceiling light"
+
+USES: tuple[tuple[str, str, str], ...] = (
+    ("sleeping", "sleep | nap | lie down | tired | bedtime | night rest", "bed, couch, mattress, pillow"),
+    ("resting the head", "head", "pillow, cushion"),
+    ("relaxing", "relax | rest | lounge", "couch, armchair, sofa chair, bed"),
+    ("sitting", "sit | seat", _SEATS),
+    ("putting up the feet", "feet | legs", "ottoman, stool"),
+    ("washing hands", "wash hand | wash face | rinse | clean hand", "sink, soap dispenser, soap dish"),
+    ("washing dishes", "wash dish | clean dish | dirty dish | wash plate | wash cup", "dishwasher, sink"),
+    ("washing clothes", "wash cloth | do laundry", "washing machine, laundry basket"),
+    ("holding dirty clothes", "dirty cloth", "laundry hamper, laundry basket, washing machine"),
+    ("laundry", "laundry", "washing machine, laundry basket, laundry hamper, clothes dryer"),
+    ("drying clothes", "dry cloth", "clothes dryer, rack"),
+    ("drying hair", "dry hair", "hair dryer, towel"),
+    ("drying", "dry hand | dry off | dry my", "towel, paper towel roll, paper towel dispenser"),
+    ("bathing", "bathe | bath | soak", "bathtub, shower"),
+    ("showering", "shower", "shower, bathtub"),
+    ("washing", "wash", "sink, bathtub, shower, washing machine"),
+    ("brushing teeth", "brush teeth", "sink"),
+    ("using the toilet", "toilet | pee | flush", "toilet"),
+    ("cooking", "cook | fry | boil | soup | pasta", "stove, oven, microwave"),
+    ("baking", "bake | roast | cake | pizza", "oven, toaster oven"),
+    ("toasting bread", "toast", "toaster, toaster oven"),
+    ("heating food", "heat food | heat up | warm up | reheat | leftover | warm food", "microwave, stove, oven"),
+    (
+        "keeping food cold",
+        "food cold | food fresh | keep cold | keep cool | milk | chill | food spoil",
+        "refrigerator, mini fridge",
+    ),
+    ("keeping food", "hungry | snack | grocer", "refrigerator, kitchen cabinet, cabinet"),
+    ("eating", "eat | dinner | lunch | breakfast | meal | dine", "dining table, table, kitchen counter, counter"),
+    ("making coffee", "coffee", "coffee maker, coffee kettle, cup"),
+    ("making tea", "tea", "coffee kettle, cup"),
+    (
+        "drinking",
+        "thirst | drink | get water | glass of",
+        "cup, bottle, water bottle, refrigerator, sink, water cooler",
+    ),
+    ("reading", "read | story | novel", "book, bookshelf, lamp, couch"),
+    (
+        "keeping books",
+        "store book | put book | keep book | arrange book | magazine | library",
+        "bookshelf, shelf, desk",
+    ),
+    ("giving light", "light | bright | illuminat | dark", f"{_LAMPS}, light switch"),
+    ("blocking light", "too bright | sun | glare | privacy | block light | darken", "curtain, blinds, window"),
+    ("looking out", "outside | view | look out | weather", "window, door"),
+    ("moving air", "fresh air | airflow | hot | cool down | cool off | cool room | stuffy | breeze", "fan, window"),
+    ("warmth", "cold | warm | freez | chilly", "blanket, radiator, fireplace"),
+    ("heating", "heat room | warm room", "radiator, fireplace"),
+    ("watching films", "movie | film | watch | news | show | series", "tv, projector screen, laptop, monitor"),
+    ("music", "music | song | tune", "speaker, guitar, piano, keyboard piano, headphones"),
+    ("making music", "play music | instrument | play song | strum", "guitar, piano, keyboard piano"),
+    ("telling the time", "time | o'clock | hour", "clock, alarm clock"),
+    ("waking up", "wake", "alarm clock"),
+    ("throwing things away", "throw | dispose | garbage | trash | waste | rubbish | litter | get rid", _BINS),
+    ("recycling", "recycl", "recycling bin, trash can"),
+    ("hanging up coats", "hang coat | hang jacket | coat", "coat rack, wardrobe, closet"),
+    ("hanging things up", "hang", "coat rack, closet, wardrobe, rack"),
+    ("keeping clothes", "cloth | dressed | shirt | outfit | sock", "wardrobe, dresser, closet, clothes"),
+    ("keeping documents", "document | paperwork", "file cabinet, desk"),
+    ("storing things", "store | storage | put away", "cabinet, wardrobe, shelf, bookshelf, dresser, storage bin, box"),
+    ("writing", "write | letter", "desk, whiteboard, blackboard, table"),
+    ("taking notes", "note", "paper, desk, whiteboard, laptop"),
+    ("drawing", "draw | sketch", "whiteboard, blackboard, paper, desk"),
+    ("working", "work | study | homework | essay", "desk, laptop, office chair, table"),
+    ("computing", "email | internet | comput | online | code | browse | surf", "laptop, monitor, computer tower, desk"),
+    ("typing", "typing | type", "keyboard, laptop"),
+    ("printing", "print", "printer, copier"),
+    ("calling", "call | phone", "telephone"),
+    ("charging", "charge | plug | outlet", "power outlet, power strip"),
+    ("looking at oneself", "myself | reflect | makeup | look like | shave | comb", "mirror"),
+    ("cleaning the floor", "vacuum | clean floor | sweep | dust", "vacuum cleaner, broom, dustpan"),
+    ("wiping up", "spill | wipe | mop", "paper towel roll, towel, tissue box"),
+    ("blowing the nose", "sneez | nose", "tissue box"),
+    ("ironing", "wrinkle | iron", "ironing board"),
+    ("exercise", "exercis | workout | work out | muscle", "dumbbell, bicycle, ball"),
+    ("riding", "bike | ride | cycl", "bicycle"),
+    ("climbing", "reach high | reach top | climb", "ladder, stool, stairs"),
+    ("putting out fire", "fire", "fire extinguisher, fire alarm"),
+    ("travelling", "travel | trip | pack | journey", "suitcase, luggage, backpack"),
+    ("carrying things", "carry | school", "backpack, bag, basket"),
+    ("going through", "leave room | enter | exit", "door"),
+    ("weighing", "weigh", "scale"),
+    ("clearing smoke", "smoke | steam", "range hood, fire alarm, window"),
+    ("playing", "play | toy | child", "ball, stuffed animal, guitar, piano, tv"),
+    ("decoration", "decorat | art", "picture, poster, plant, potted plant, decoration"),
+    ("greenery", "nature | water plant | garden", "plant, potted plant"),
+    ("putting things on", "put down | place | surface", "table, coffee table, desk, nightstand, counter"),
+)
+"""A purpose, the words that call for it and what serves it, most useful first.
+
+Words are separated by bars; those side by side must all stand in the question, and each is the beginning of a word.
+"""
+
+_ENDINGS = ("", "s", "es", "ing", "ed", "y")
+_SHORT = 4
+"""Shorter beginnings must be the whole word but for an ending: "art" does not begin "article"."""
 
 
-def useful_names(words: Sequence[str]) -> tuple[str, ...]:
+@lru_cache(maxsize=4096)
+def useful_names(words: tuple[str, ...]) -> tuple[str, ...]:
     """Return names of things that serve what the words speak of, most useful first.
+
+    A purpose called for by more or longer words is the more particular one and goes first.
 
     Args:
         words: Words of a question, lower case.
     """
-    hits = [
-        (-len(triggers), order, names)
-        for order, (triggers, names, _) in enumerate(USES)
-        if all(any(word.startswith(trigger) for word in words) for trigger in triggers)
-    ]
-    return tuple(dict.fromkeys(name for _, _, names in sorted(hits) for name in names))
+    hits = []
+    for order, (calls, names) in enumerate(_CALLS):
+        strengths = [
+            (len(call), sum(map(len, call)))
+            for call in calls
+            if all(any(_begins(word, start) for word in words) for start in call)
+        ]
+        if strengths:
+            most = max(strengths)
+            hits.append((-most[0], -most[1], order, names))
+    return tuple(dict.fromkeys(name for *_, names in sorted(hits) for name in names))
 
 
 def purpose_of(name: str) -> str:
     """Return what a thing is used for, or "" where that is not known."""
-    ranked = [(names.index(name), order, purpose) for order, (_, names, purpose) in enumerate(USES) if name in names]
-    return min(ranked)[2] if ranked else ""
+    ranked = [(names.index(name), order) for order, (_, names) in enumerate(_CALLS) if name in names]
+    return USES[min(ranked)[1]][0] if ranked else ""
+
+
+def _begins(word: str, start: str) -> bool:
+    if len(start) >= _SHORT:
+        return word.startswith(start)
+    return word in {start + ending for ending in _ENDINGS} or word == f"{start}{start[-1]}ing"
+
+
+def _calls(text: str) -> Sequence[tuple[str, ...]]:
+    return [tuple(call.split()) for call in text.split("|")]
+
+
+_CALLS = tuple((_calls(words), listed_in(names)) for _, words, names in USES)

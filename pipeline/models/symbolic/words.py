@@ -33,11 +33,19 @@ _SAME = frozenset(
     {"clothes", "this", "is", "has", "was", "does", "its", "glass", "gas", "us", "always", "plus", "besides"}
 )
 
+
+def listed_in(text: str) -> tuple[str, ...]:
+    """Return the entries of a list written with commas, which reads better than quotes around each."""
+    return tuple(" ".join(entry.split()) for entry in text.split(",") if entry.strip())
+
+
 NUMBERS = {
-    word: number
-    for number, word in enumerate(
-        "zero one two three four five six seven eight nine ten eleven twelve thirteen fourteen fifteen sixteen seventeen "
-        "eighteen nineteen twenty".split()
+    word: value
+    for value, word in enumerate(
+        listed_in(
+            "zero, one, two, three, four, five, six, seven, eight, nine, ten, eleven, twelve, thirteen, fourteen, "
+            "fifteen, sixteen, seventeen, eighteen, nineteen, twenty"
+        )
     )
 }
 """Number words."""

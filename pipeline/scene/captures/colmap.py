@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from pipeline.geometry import Camera, quats_to_rotations, validate_pose
-from pipeline.scene.captures.views_file import Photographs, ViewsFile, require_views, view_names
+from pipeline.geometry import quats_to_rotations, validate_pose
+from pipeline.scene.captures.views_file import Photographs, ViewsFile, camera_of, require_views, view_names
 from pipeline.scene.views import View
 from schemas.errors import InputError
 from schemas.storage import exists, join, read_bytes
@@ -79,7 +79,7 @@ def read_colmap(folder: str, *, images: str | None = None, strict: bool = True) 
             skipped.append(str(error))
             continue
         lens = lenses[image.camera_id]
-        camera = Camera(lens.K, pose, lens.width, lens.height)
+        camera = camera_of(lens.K, pose, lens.width, lens.height, subject)
         views.append(View(name, camera, photographs.find(image.name) if photographs else None))
     return require_views(ViewsFile(tuple(views), tuple(skipped)), images_at)
 
@@ -151,12 +151,15 @@ class _Bytes:
     def __init__(self, data: bytes, subject: str) -> None:
         self.data, self.subject, self.at = data, subject, 0
 
-    def take(self, form: str) -> tuple[float, ...]:
-        size = struct.calcsize("<" + form)
-        if self.at + size > len(self.data):
-            raise self.short(size)
-        self.at += size
-        return struct.unpack_from("<" + form, self.data, self.at - size)
+    def integers(self, form: str) -> tuple[int, ...]:
+        start = self.at
+        self.skip(struct.calcsize("<" + form))
+        return struct.unpack_from("<" + form, self.data, start)
+
+    def doubles(self, count: int) -> tuple[float, ...]:
+        start = self.at
+        self.skip(8 * count)
+        return struct.unpack_from(f"<{count}d", self.data, start)
 
     def skip(self, size: int) -> None:
         if self.at + size > len(self.data):
@@ -176,19 +179,19 @@ class _Bytes:
 
 
 def _binary_lenses(data: _Bytes) -> Iterator[tuple[int, _Lens]]:
-    for _ in range(int(data.take("Q")[0])):
-        camera_id, code, width, height = (int(value) for value in data.take("iiQQ"))
+    for _ in range(data.integers("Q")[0]):
+        camera_id, code, width, height = data.integers("iiQQ")
         subject = f"{data.subject} camera {camera_id}"
         model = MODELS.get(code, f"model {code}")
         _require_pinhole(model, subject)
-        yield camera_id, _lens(model, width, height, data.take(f"{PARAMETERS[model]}d"), subject)
+        yield camera_id, _lens(model, width, height, data.doubles(PARAMETERS[model]), subject)
 
 
 def _binary_images(data: _Bytes) -> Iterator[_Image]:
-    for _ in range(int(data.take("Q")[0])):
-        data.take("i")
-        pose = data.take("7d")
-        camera_id = int(data.take("i")[0])
+    for _ in range(data.integers("Q")[0]):
+        data.skip(4)
+        pose = data.doubles(7)
+        camera_id = data.integers("i")[0]
         name = data.text()
-        data.skip(24 * int(data.take("Q")[0]))
+        data.skip(24 * data.integers("Q")[0])
         yield _Image(name, camera_id, pose[:4], pose[4:])

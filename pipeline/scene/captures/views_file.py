@@ -7,6 +7,10 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from jaxtyping import Float
+
+from pipeline.geometry import Camera
 from pipeline.scene.views import View
 from schemas.errors import InputError
 from schemas.storage import join, list_files
@@ -40,6 +44,20 @@ def require_views(found: ViewsFile, subject: object) -> ViewsFile:
         first = f"; first: {found.skipped[0]}" if found.skipped else ""
         raise InputError(subject, expected="at least one usable view", found=f"none of {len(found.skipped)}{first}")
     return found
+
+
+def camera_of(
+    K: Float[np.ndarray, "3 3"], world_to_camera: Float[np.ndarray, "3 4"], width: int, height: int, subject: object
+) -> Camera:
+    """Return the camera, or raise with the file and frame in the message.
+
+    Raises:
+        InputError: Focal lengths or size are not positive.
+    """
+    try:
+        return Camera(K, world_to_camera, width, height)
+    except InputError as error:
+        raise InputError(subject, field=error.field, expected=error.expected, found=error.found) from error
 
 
 def view_names(paths: Sequence[str]) -> tuple[str, ...]:

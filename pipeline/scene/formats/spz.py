@@ -28,13 +28,20 @@ MAX_DEGREE = 4
 
 ALL_REST_COUNTS = {**REST_COUNTS, 4: 24}
 
+ANTIALIASED = 0x1
+"""Flag: trained with the low-pass filter's loss of opacity made up for."""
+
 HAS_EXTENSIONS = 0x2
+"""Flag: records of other tools follow the attributes (up to version 3) or the header (4); they are passed over."""
+
+MAX_EXTENSION_BYTES = 1 << 20
+"""Extensions hold a few numbers, such as a camera path's bounds."""
 
 AXES = np.array([1, -1, -1], np.float32)
 """Right-up-back to right-down-forward: half a turn about x."""
 
 SH_SIGNS = np.array([-1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1, -1, 1, -1, 1], np.float32)
-"""Sign of each coefficient of degrees 1 to 3 under that half turn: odd in (y, z) together changes sign."""
+"""Sign of each coefficient of degrees 1 to 3 under that half turn: minus where y and z come an odd number of times."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +53,16 @@ class _Header:
     flags: int
     streams: int
     table_start: int
+
+    @property
+    def extended(self) -> bool:
+        """Whether records of other tools are present."""
+        return bool(self.flags & HAS_EXTENSIONS)
+
+    @property
+    def end(self) -> int:
+        """Bytes up to the end of the attributes, unpacked, up to version 3."""
+        return 16 + sum(self.sizes.values())
 
     @property
     def sizes(self) -> dict[str, int]:
@@ -63,19 +80,18 @@ def read_spz(data: bytes, subject: object) -> RawGaussians:
         InputError: The version or degree is unknown, or bytes are missing, corrupt or too many.
     """
     if data[:2] == GZIP:
-        payload = _gunzip(data, 16, subject, whole=False)
-        header = _header(payload, subject)
-        payload = _gunzip(data, 16 + sum(header.sizes.values()), subject, whole=True)
-        parts = _split(payload[16:], header)
+        header = _header(_gunzip(data, 16, subject), subject)
+        data = _gunzip(data, header.end + (MAX_EXTENSION_BYTES if header.extended else 0), subject)
+        header = _header(data, subject)
     else:
         header = _header(data, subject)
-        if header.version >= 4:
-            parts = _streams(data, header, subject)
-        else:
-            expected = 16 + sum(header.sizes.values())
-            if len(data) != expected:
-                raise InputError(subject, expected=f"{expected} bytes for {header.count} Gaussians", found=len(data))
-            parts = _split(data[16:], header)
+    if header.version >= 4:
+        parts = _streams(data, header, subject)
+    else:
+        if len(data) < header.end or (len(data) > header.end and not header.extended):
+            expected = f"{header.end} bytes for {header.count} Gaussians"
+            raise InputError(subject, expected=expected, found=f"{len(data)} bytes")
+        parts = _split(data[16:], header)
     return _decode({name: np.frombuffer(part, np.uint8) for name, part in parts.items()}, header)
 
 
@@ -96,18 +112,17 @@ def _header(data: bytes, subject: object) -> _Header:
     return _Header(version, count, degree, bits, flags, streams, struct.unpack_from("<I", data, 16)[0])
 
 
-def _gunzip(data: bytes, size: int, subject: object, *, whole: bool) -> bytes:
-    """Return the first `size` bytes; `whole` asks that the stream then ends, with a right checksum."""
+def _gunzip(data: bytes, size: int, subject: object) -> bytes:
+    """Return the stream's bytes: all of them, checksum verified, where there are at most `size`; else `size` + 1."""
     stream = zlib.decompressobj(wbits=31)
     try:
-        # One byte more than wanted shows a stream that is too long without unpacking all of it.
+        # The bound keeps a stream that unpacks to more than its header says from filling the memory.
         out = stream.decompress(data, size + 1)
     except zlib.error as error:
         raise InputError(subject, expected="an undamaged gzip stream", found=error) from error
-    if len(out) < size or (whole and (len(out) > size or not stream.eof)):
-        found = f"{len(out)} bytes" + ("" if stream.eof else ", then the stream goes on or breaks off")
-        raise InputError(subject, expected=f"{size} bytes in the gzip stream", found=found)
-    return out[:size]
+    if len(out) <= size and not stream.eof:
+        raise InputError(subject, expected="a whole gzip stream", found=f"its end missing after {len(out)} bytes")
+    return out
 
 
 def _split(payload: bytes, header: _Header) -> dict[str, bytes]:
@@ -121,9 +136,9 @@ def _split(payload: bytes, header: _Header) -> dict[str, bytes]:
 def _streams(data: bytes, header: _Header, subject: object) -> dict[str, bytes]:
     sizes = {name: size for name, size in header.sizes.items() if size}
     table_end = header.table_start + 16 * header.streams
-    if header.streams != len(sizes) or header.table_start < 32 or table_end > len(data):
+    if header.streams < len(sizes) or header.table_start < 32 or table_end > len(data):
         found = f"{header.streams} streams listed at byte {header.table_start} of {len(data)}"
-        raise InputError(subject, field="streams", expected=f"a table of {len(sizes)} streams", found=found)
+        raise InputError(subject, field="streams", expected=f"a table of at least {len(sizes)} streams", found=found)
     parts, start = dict.fromkeys(header.sizes, b""), table_end
     for i, (name, size) in enumerate(sizes.items()):
         packed, unpacked = struct.unpack_from("<QQ", data, header.table_start + 16 * i)
@@ -138,6 +153,9 @@ def _streams(data: bytes, header: _Header, subject: object) -> dict[str, bytes]:
 def _decode(parts: dict[str, UInt8[np.ndarray, "_"]], header: _Header) -> RawGaussians:
     count, rest = header.count, ALL_REST_COUNTS[header.degree]
     kept = min(rest, REST_COUNTS[3])
+    warnings = ["spherical harmonics of degree 4: the last band is left out"] if rest > kept else []
+    if header.flags & ANTIALIASED:
+        warnings.append("trained with antialiasing: it looks as trained only when rendered with `antialias`")
     sh = np.empty((count, 1 + kept, 3), np.float32)
     sh[:, 0] = (parts["colors"].reshape(count, 3).astype(np.float32) / 255 - np.float32(0.5)) / np.float32(COLOR_SCALE)
     stored = parts["sh"].reshape(count, rest, 3)[:, :kept].astype(np.float32)
@@ -148,7 +166,7 @@ def _decode(parts: dict[str, UInt8[np.ndarray, "_"]], header: _Header) -> RawGau
         parts["scales"].reshape(count, 3).astype(np.float32) / 16 - 10,
         logits_of_bytes(parts["alphas"]),
         sh,
-        ("spherical harmonics of degree 4: the last band is left out",) if rest > kept else (),
+        warnings=tuple(warnings),
     )
 
 

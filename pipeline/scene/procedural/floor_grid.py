@@ -29,11 +29,11 @@ class FloorGrid:
     """Cells whose middle is too close to something."""
 
     @classmethod
-    def of_room(cls, room: Room) -> FloorGrid:
-        """Return the grid of an empty room, blocked along its walls."""
+    def of_room(cls, room: Room, like: FloorGrid | None = None) -> FloorGrid:
+        """Return the grid of an empty room, blocked along its walls; on the cells of `like` when given."""
         low, high = np.array(room.low), np.array(room.high)
         shape = np.ceil((high - low) / CELL_M).astype(int)
-        grid = cls(low, np.zeros(tuple(shape), bool))
+        grid = cls(low, np.zeros(tuple(shape), bool)) if like is None else cls(like.low, np.zeros_like(like.blocked))
         x, y = grid.centers()
         near_x = (x < low[0] + BODY_M) | (x > high[0] - BODY_M)
         near_y = (y < low[1] + BODY_M) | (y > high[1] - BODY_M)
@@ -103,7 +103,7 @@ def flood(blocked: Bool[np.ndarray, "X Y"], start: tuple[int, int]) -> Bool[np.n
         grown = reached.copy()
         grown[1:] |= reached[:-1]
         grown[:-1] |= reached[1:]
-        grown[:, 1:] |= grown[:, :-1]
-        grown[:, :-1] |= grown[:, 1:]
+        grown[:, 1:] |= reached[:, :-1]
+        grown[:, :-1] |= reached[:, 1:]
         reached = grown & ~blocked
     return reached

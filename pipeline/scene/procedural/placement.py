@@ -235,6 +235,29 @@ class RoomPlacer:
                 return self._keep(placed)
         return None
 
+    def at_wall(
+        self, model: Model, side: Side, anchor: Placed | None, along: float, *, height: float | None = None
+    ) -> Placed | None:
+        """Put a thing to a wall at an exact place.
+
+        Args:
+            model: The thing.
+            side: The wall.
+            anchor: Thing on that wall that `along` is measured from; None measures from the world's origin.
+            along: Distance along the wall, metres.
+            height: Height of its lowest point when it hangs there; None for what stands on the floor.
+        """
+        if anchor is not None:
+            along += float(anchor.box[:, 1 - side.axis].mean())
+        placed = self._against(model, side, along, 0.0)
+        if placed is None:
+            return None
+        if height is not None:
+            wall = self.surfaces[side.name]
+            placed.at[2] = height - float(model.bounds[0][2])
+            placed.parent, placed.relation, placed.host, placed.mount = wall, "on", wall, "back"
+        return self._keep(placed) if self._fits(placed, gap=0.005) else None
+
     def under_ceiling(self, model: Model) -> Placed | None:
         """Hang a thing from the middle of the ceiling."""
         ceiling = self.surfaces["ceiling"]
@@ -244,7 +267,7 @@ class RoomPlacer:
         return self._keep(placed) if self._fits(placed, walk=False) else None
 
     def lay(self, model: Model, near: Placed | None = None, *, distance: float = 0.5) -> Placed | None:
-        """Lay a mat before something or in the middle of the room; other things may stand on it later or already."""
+        """Lay a mat before something or in the middle of the room, on free floor."""
         for _ in range(8):
             if near is None:
                 spread = 0.15 * (np.array(self.room.high) - self.room.low)
@@ -268,14 +291,21 @@ class RoomPlacer:
             parent = self.home.things[parent].parent
         box = placed.box
         for other in self.home.by_room.get(self.number, []):
-            if other.instance in ancestors or (other.model.category == "mat" and placed.at[2] >= 0.0):
-                # A mat is 1.4 cm thick: what stands on it is raised in `_new`.
+            if other.instance in ancestors:
                 continue
             reach = other.box
-            if (box[0] < reach[1] + gap).all() and (reach[0] < box[1] + gap).all():
-                if oriented_boxes_overlap(placed, other, gap):
-                    return True
+            near = (box[0] < reach[1] + gap).all() and (reach[0] < box[1] + gap).all()
+            if near and oriented_boxes_overlap(placed, other, gap):
+                return True
         return False
+
+    def clear_of_doorways(self, placed: Placed, own: Doorway) -> bool:
+        """Return whether a thing leaves the floor before every doorway but its own free, and touches nothing."""
+        box = placed.box
+        for way, (x0, y0, x1, y1) in zip(self.doorways, self._landings, strict=True):
+            if way is not own and box[0, 0] < x1 and x0 < box[1, 0] and box[0, 1] < y1 and y0 < box[1, 1]:
+                return False
+        return self._within(placed, 0.0) and not self.collides(placed)
 
     def keep(self, placed: Placed) -> Placed:
         """Add a placed thing that the caller has checked."""

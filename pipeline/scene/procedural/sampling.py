@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from pipeline.scene.procedural.cells import HALF_OPACITY, line_cells
 from pipeline.scene.procedural.shape import Kind
-from pipeline.scene.procedural.surfaces import EDGE, Surfaces
+from pipeline.scene.procedural.surfaces import Surfaces
 
 CHUNK = 1 << 17
 """Samples worked on at once: keeps the float64 temporaries of 5M Gaussians under 100 MB."""
@@ -65,6 +66,13 @@ def _sample_range(
     return Samples(surface, point, step_u, step_v, normal)
 
 
+
+
+def _drawn_in(step: np.ndarray) -> np.ndarray:
+    """Radius factor that keeps flat discs, `step` radians wide, from standing out at a round thing's silhouette."""
+    return 1.0 / np.sqrt(1.0 + (0.8 * HALF_OPACITY * step) ** 2)
+
+
 Parts = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
@@ -73,41 +81,39 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
 
 
 def _quad(frame: np.ndarray, taper: np.ndarray, counts: np.ndarray, local: np.ndarray, shift: np.ndarray) -> Parts:
-    """Bilinear patch; the outermost samples keep 0.75 spacings from the edge (see EDGE)."""
-    step = 1.0 / (counts + EDGE)
-    index = np.stack([local % counts[:, 0], local // counts[:, 0]], axis=1)
-    uv = (index + (1 + EDGE) / 2 + shift) * step
-    u, v = uv[:, :1], uv[:, 1:]
+    """Bilinear patch."""
+    u, step_u = (x[:, None] for x in line_cells(counts[:, 0], local % counts[:, 0], shift[:, 0]))
+    v, step_v = (x[:, None] for x in line_cells(counts[:, 1], local // counts[:, 0], shift[:, 1]))
     p00, p10, p01, p11 = (frame[:, i] for i in range(4))
     along_u = (p10 - p00) * (1 - v) + (p11 - p01) * v
     along_v = (p01 - p00) * (1 - u) + (p11 - p10) * u
     point = p00 * (1 - u) * (1 - v) + p10 * u * (1 - v) + p01 * (1 - u) * v + p11 * u * v
-    return point, along_u * step[:, :1], along_v * step[:, 1:], _unit(np.cross(along_u, along_v))
+    return point, along_u * step_u, along_v * step_v, _unit(np.cross(along_u, along_v))
 
 
 def _cone(frame: np.ndarray, taper: np.ndarray, counts: np.ndarray, local: np.ndarray, shift: np.ndarray) -> Parts:
     """Side of a truncated cone; every other ring is turned by half a spacing."""
     ring = local // counts[:, 0]
     angle = 2 * np.pi * (local % counts[:, 0] + 0.5 * (ring % 2) + shift[:, 0]) / counts[:, 0]
-    step = 1.0 / (counts[:, 1] + EDGE)
-    t = ((ring + (1 + EDGE) / 2 + shift[:, 1]) * step)[:, None]
+    t, step = (x[:, None] for x in line_cells(counts[:, 1], ring, shift[:, 1]))
     cos, sin = np.cos(angle)[:, None], np.sin(angle)[:, None]
     base, u, w, axis = (frame[:, i] for i in range(4))
     radius = taper[:, :1] + (taper[:, 1:] - taper[:, :1]) * t
+    radius = radius * _drawn_in(2 * np.pi / counts[:, :1])
     around = radius * (cos * w - sin * u)
     outward = cos * u + sin * w
     along = axis + (taper[:, 1:] - taper[:, :1]) * outward
     point = base + t * axis + radius * outward
     # A cone that ends in a point has no width there; its discs keep the width of the ring's middle.
     around *= np.maximum(1.0, 0.25 / np.maximum(radius, 1e-6))
-    return point, around * (2 * np.pi / counts[:, :1]), along * step[:, None], _unit(np.cross(around, along))
+    return point, around * (2 * np.pi / counts[:, :1]), along * step, _unit(np.cross(around, along))
 
 
 def _disc(frame: np.ndarray, taper: np.ndarray, counts: np.ndarray, local: np.ndarray, shift: np.ndarray) -> Parts:
     """Sunflower spiral, drawn in a little so that half opacity falls on the rim."""
     n = counts[:, 0]
     spacing = np.sqrt(np.pi / n)
-    radius = np.sqrt((local + 0.5) / n) * (1 - 0.25 * spacing).clip(0.5)
+    radius = np.sqrt((local + 0.5) / n) * (1 - 0.4 * spacing).clip(0.4)
     angle = GOLDEN * local
     base, u, w, normal = (frame[:, i] for i in range(4))
     point = base + (radius * np.cos(angle))[:, None] * u + (radius * np.sin(angle))[:, None] * w
@@ -128,4 +134,5 @@ def _ball(frame: np.ndarray, taper: np.ndarray, counts: np.ndarray, local: np.nd
 
     east = spread(-sin, cos, np.zeros(len(n))) * spacing[:, None]
     north = spread(-cos * height, -sin * height, ring) * spacing[:, None]
-    return base + spread(ring * cos, ring * sin, height), east, north, _unit(np.cross(east, north))
+    inner = _drawn_in(spacing)[:, None]
+    return base + inner * spread(ring * cos, ring * sin, height), east * inner, north * inner, _unit(np.cross(east, north))

@@ -117,21 +117,22 @@ class Shape:
         axes = np.diag(np.broadcast_to(np.asarray(radii, np.float64), (3,)))
         self._add(Kind.BALL, np.concatenate([np.array([at], np.float64), axes]), paint)
 
-    def board(self, at: XYZ, size: XYZ, paint: Paint) -> None:
-        """Add a thin box with all six faces."""
-        self.block(at, size, paint)
+    def board(self, at: XYZ, size: XYZ, paint: Paint, *, skip: tuple[str, ...] = ()) -> None:
+        """Add a thin box, with all six faces unless some are skipped."""
+        self.block(at, size, paint, skip=skip)
 
     def hollow(self, at: XYZ, size: XYZ, thickness: float, paint: Paint, *, open_side: str = "top") -> None:
         """Add an open box of boards: everything but the open side (top or front) is closed."""
         (x, y, z), (w, d, h), t = at, size, thickness
         self.board((x, y, z), (w, d, t), paint)
-        self.board((x - w / 2 + t / 2, y, z + t), (t, d, h - t), paint)
-        self.board((x + w / 2 - t / 2, y, z + t), (t, d, h - t), paint)
-        self.board((x, y - d / 2 + t / 2, z + t), (w - 2 * t, t, h - t), paint)
+        side = ("bottom",) if open_side == "top" else ("bottom", "back")
+        self.board((x - w / 2 + t / 2, y, z + t), (t, d, h - t), paint, skip=side)
+        self.board((x + w / 2 - t / 2, y, z + t), (t, d, h - t), paint, skip=side)
+        self.board((x, y - d / 2 + t / 2, z + t), (w - 2 * t, t, h - t), paint, skip=("bottom", "left", "right"))
         if open_side == "top":
-            self.board((x, y + d / 2 - t / 2, z + t), (w - 2 * t, t, h - t), paint)
+            self.board((x, y + d / 2 - t / 2, z + t), (w - 2 * t, t, h - t), paint, skip=("bottom", "left", "right"))
         else:
-            self.board((x, y + t / 2, z + h - t), (w - 2 * t, d - t, t), paint)
+            self.board((x, y + t / 2, z + h - t), (w - 2 * t, d - t, t), paint, skip=("left", "right", "back"))
 
     def legs(self, width: float, depth: float, height: float, thickness: float, paint: Paint) -> None:
         """Add four square legs whose outer faces stand on a width x depth rectangle."""

@@ -13,6 +13,7 @@ from pipeline.scene.objects import Relation, SceneObject
 from pipeline.scene.procedural.shape import XYZ, Shape
 
 Mount = Literal["base", "back", "top"]
+Contact = Literal["rectangle", "ellipse", "none"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,8 +44,8 @@ class Model:
     """What holds of it: "open", "closed", "on", "off"."""
     slots: tuple[Slot, ...] = ()
     """Where things may be put."""
-    solid_base: bool = True
-    """Whether its base hides what it stands on (a box does, a table on legs does not)."""
+    contact: Contact = "ellipse"
+    """Outline of the face that touches its host and hides it; "none" for legs, rails and balls."""
     light: XYZ | None = None
     """Where it shines from; None for what gives no light."""
 

@@ -63,9 +63,9 @@ def structure(layout: Layout, rng: np.random.Generator) -> list[tuple[Model, int
     models = []
     for number, room in enumerate(layout.rooms):
         floor, floor_color = _floor_paint(room, rng)
-        models.append((Model("floor", floor_color, _floor(layout, number, floor), solid_base=False), number))
+        models.append((Model("floor", floor_color, _floor(layout, number, floor), contact="none"), number))
         ceiling = Paint((0.95, 0.95, 0.94), Texture.PLAIN, 1.5, 0.02, 0.0)
-        models.append((Model("ceiling", "white", _ceiling(room, ceiling), solid_base=False), number))
+        models.append((Model("ceiling", "white", _ceiling(room, ceiling), contact="none"), number))
         paint, color = _wall_paint(room, rng)
         accent = int(rng.integers(4)) if room.kind not in ("bathroom", "kitchen") and rng.random() < 0.5 else -1
         accent_color = pick(rng, "blue", "green", "yellow", "orange", "gray", "pink")
@@ -74,7 +74,7 @@ def structure(layout: Layout, rng: np.random.Generator) -> list[tuple[Model, int
             accented = k == accent
             face = Paint(_muted(accent_color), Texture.PLAIN, 0.8, 0.03, 0.01) if accented else paint
             shape = _wall(layout, number, side, face, base)
-            models.append((Model("wall", accent_color if accented else color, shape, solid_base=False), number))
+            models.append((Model("wall", accent_color if accented else color, shape, contact="none"), number))
     return models
 
 

@@ -113,11 +113,10 @@ USES: tuple[Use, ...] = (
         fixed=True,
     ),
     Use(
-        "use the toilet",
+        "",
         names("toilet"),
-        "on",
+        "",
         ("I drank a lot of tea and must go urgently. what do I need?", "nature calls. what am I looking for?"),
-        fixed=True,
     ),
     Use(
         "read a story",

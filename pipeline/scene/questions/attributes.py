@@ -50,8 +50,10 @@ def attributes(world: World, describer: Describer, rng: np.random.Generator) -> 
 
 
 def _sizes(world: World, describer: Describer, rng: np.random.Generator) -> Iterator[Draft]:
-    height, volume = 2 * world.layout.half[:, 2], world.layout.volume
-    kinds = (("taller", _TALLER, height, height), ("larger", _LARGER, volume, height * 0 + world.layout.longest))
+    height = {i: world.stature(i) for i in world.askable}
+    volume = dict(enumerate(world.layout.volume.tolist()))
+    longest = dict(enumerate(world.layout.longest.tolist()))
+    kinds = (("taller", _TALLER, height, height), ("larger", _LARGER, volume, longest))
     level = _levels(world)
     for i in world.askable:
         partners = [
@@ -78,7 +80,8 @@ def _levels(world: World) -> list[str]:
     for i, o in enumerate(world.objects):
         on_something = bool(world.relations.holds["on"][i].any())
         inside = bool(world.relations.holds["in"][i].any())
-        if o.category in UNCOLORED or inside or not (on_something or world.layout.bottom[i] <= floor + 0.25):
+        flat = world.layout.half[i, 2] < 0.04
+        if o.category in UNCOLORED or inside or flat or not (on_something or world.layout.bottom[i] <= floor + 0.25):
             levels.append("hanging")
         else:
             levels.append("up" if on_something else "floor")

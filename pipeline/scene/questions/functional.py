@@ -40,7 +40,7 @@ def functional(world: World, describer: Describer, rng: np.random.Generator) -> 
             if use.things and 1 <= len(kinds) <= 2:
                 question = worded(rng, _WHAT, do=use.things, room=f"in the {room}")
                 yield _naming(world, "what for", question, objects, kinds, _also(world, use, room))
-            if use.fixed and world.relations.constructed and bool(objects) == bool(objects + _also(world, use, room)):
+            if use.fixed and world.relations.complete and bool(objects) == bool(objects + _also(world, use, room)):
                 question = worded(rng, _CAN_ONE, do=use.action, room=room)
                 about = world.objects[objects[0]].category if objects else min(use.serves)
                 yield Draft(
@@ -93,7 +93,7 @@ def _where(world: World, rng: np.random.Generator, use: Use) -> Iterator[Draft]:
     answers = list(dict.fromkeys(capital(text) for text in answers))
     extra = [capital(f"{use.at} the {world.objects[i].category}") for i in objects]
     extra += [capital(f"in the {world.room_of[i]}") for i in objects if world.room_of[i]]
-    extra += [capital(f"{use.at} the {world.objects[i].category}") for i in _also(world, use, "")]
+    extra += [f"The {world.objects[i].category}" for i in _also(world, use, "")]
     others = tuple(t for t in dict.fromkeys(answers[1:] + extra) if t != answers[0])
     question = worded(rng, _WHERE, do=use.action)
     yield Draft("where can I", question, answers[0], tuple(objects), world.objects[objects[0]].category, others)
@@ -119,5 +119,5 @@ def _something(world: World, describer: Describer, rng: np.random.Generator, use
         answer = f"Yes, the {category}" + (f" {spot[0].lower()}{spot[1:]}" if spot else "")
         extra = ("Yes", f"Yes, the {category}") if spot else ("Yes",)
         yield Draft("something to True", question, answer, tuple(objects), category, extra)
-    elif not also and world.relations.constructed:
+    elif not also and world.relations.complete:
         yield Draft("something to False", question, "No", (), min(use.serves))

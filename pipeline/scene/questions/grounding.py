@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.scene.color_names import COLOR_NAMES
 from pipeline.scene.questions.draft import Draft, worded
-from pipeline.scene.questions.names import count_word, may_be_called, with_article
+from pipeline.scene.questions.names import FIXTURES, count_word, may_be_called, with_article
 from pipeline.scene.questions.phrases import Describer
 from pipeline.scene.questions.world import UNCOLORED, Phrase, World
 
@@ -35,8 +35,8 @@ _ABSENT = (
 def single(world: World, describer: Describer, rng: np.random.Generator) -> Iterator[Draft]:
     """Yield declarative descriptions that fit exactly one object."""
     for i in world.askable:
+        rivals = world.denotes(Phrase(world.objects[i].category), lenient=True).sum() > 1
         for phrase in describer.all(i):
-            rivals = sum(may_be_called(o.category, phrase.category) for o in world.objects) > 1
             kind = f"{phrase.place or 'plain'} {'among rivals' if rivals else 'alone'}"
             yield Draft(kind, declare(phrase, rng), None, (i,), phrase.category)
 
@@ -53,6 +53,7 @@ def several(world: World, describer: Describer, rng: np.random.Generator) -> Ite
 
 def none(world: World, describer: Describer, rng: np.random.Generator) -> Iterator[Draft]:
     """Yield descriptions that fit nothing, most of them one word away from something that is there."""
+    movable = {i for i in world.askable if world.objects[i].category.rsplit(" ", 1)[-1] not in FIXTURES}
     for i in world.askable:
         o = world.objects[i]
         for phrase in (p for p in describer.all(i)[:16] if p.place not in ("closest to", "farthest from")):
@@ -66,11 +67,15 @@ def none(world: World, describer: Describer, rng: np.random.Generator) -> Iterat
                 if not _may_exist(world, other):
                     yield Draft("wrong room", declare(other, rng), None, (), o.category)
         for place, anchor, text in describer.anchors(i, places=("on", "under", "in", "next to")):
+            # Nobody looks for a door on a bed.
+            if place != "next to" and not (i in movable and world.layout.longest[i] < world.layout.longest[anchor]):
+                continue
             wrong = Phrase(o.category, "", "", place, anchor, text)
             # Only places where something does stand, so that the question is not absurd.
             if world.relations.holds[wrong.place][:, anchor].any() and not _may_exist(world, wrong):
                 yield Draft("wrong place", declare(wrong, rng), None, (), o.category)
-    for category in _ABSENT:
+    # Annotators of a scan left things out: what they did not name may be there.
+    for category in _ABSENT if world.relations.complete else ():
         for room in world.rooms or ("",):
             absent = Phrase(category, room=room if rng.integers(2) else "")
             if not any(may_be_called(o.category, category) for o in world.objects):

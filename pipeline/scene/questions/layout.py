@@ -10,6 +10,8 @@ from jaxtyping import Float
 
 from pipeline.scene.objects import SceneObject
 
+NEAR_M = 0.2
+"""Horizontal distance within which something on a wall is over the furniture in front of that wall."""
 _GRID = 9
 """Footprint samples per axis: overlaps are known to about a tenth, finer than any threshold needs."""
 
@@ -29,7 +31,13 @@ class Layout:
     overlap: Float[np.ndarray, "n n"]
     """Share of the row's footprint that lies within the column's, 0 to 1."""
     near: Float[np.ndarray, "n n"]
-    """Share of the row's footprint within 0.3 m of the column's, 0 to 1."""
+    """Share of the row's footprint within `NEAR_M` of the column's, 0 to 1."""
+    vertical_gap: Float[np.ndarray, "n n"]
+    """Vertical distance between boxes, metres; 0 where their heights overlap."""
+    distance: Float[np.ndarray, "n n"]
+    """Shortest distance between boxes, metres."""
+    center_distance: Float[np.ndarray, "n n"]
+    """Distance between box centres, metres."""
 
     @property
     def bottom(self) -> Float[np.ndarray, "n"]:
@@ -51,22 +59,6 @@ class Layout:
         """Longest sides, metres."""
         return 2.0 * self.half.max(axis=1)
 
-    @property
-    def vertical_gap(self) -> Float[np.ndarray, "n n"]:
-        """Vertical distance between boxes, metres; 0 where their heights overlap."""
-        over = self.bottom[:, None] - self.top[None]
-        return np.maximum(0.0, np.maximum(over, over.T))
-
-    @property
-    def distance(self) -> Float[np.ndarray, "n n"]:
-        """Shortest distance between boxes, metres."""
-        return np.hypot(self.gap, self.vertical_gap)
-
-    @property
-    def center_distance(self) -> Float[np.ndarray, "n n"]:
-        """Distance between box centres, metres."""
-        return np.linalg.norm(self.center[:, None] - self.center[None], axis=2)
-
 
 def measure_layout(objects: Sequence[SceneObject]) -> Layout:
     """Return the pairwise geometry of the objects' boxes."""
@@ -76,12 +68,16 @@ def measure_layout(objects: Sequence[SceneObject]) -> Layout:
     corners = _footprint_points(center, half, yaw, 2)
     grid = _footprint_points(center, half, yaw, _GRID)
     overlap = (_outside(grid, center, half, yaw) <= 1e-9).mean(axis=2)
-    near = (_outside(grid, center, half, yaw) <= 0.3).mean(axis=2)
+    near = (_outside(grid, center, half, yaw) <= NEAR_M).mean(axis=2)
     # Two convex shapes that do not meet are closest at a corner of one of them.
     corner_gap = _outside(corners, center, half, yaw).min(axis=2)
     gap = np.minimum(corner_gap, corner_gap.T)
     gap[(overlap > 0) | (overlap.T > 0)] = 0.0
-    return Layout(center, half, yaw, gap, overlap, near)
+    top, bottom = center[:, 2] + half[:, 2], center[:, 2] - half[:, 2]
+    over = bottom[:, None] - top[None]
+    vertical = np.maximum(0.0, np.maximum(over, over.T))
+    center_distance = np.linalg.norm(center[:, None] - center[None], axis=2)
+    return Layout(center, half, yaw, gap, overlap, near, vertical, np.hypot(gap, vertical), center_distance)
 
 
 def _footprint_points(

@@ -26,6 +26,7 @@ _MOST_EXTRA = 4
 
 def localization(world: World, describer: Describer, rng: np.random.Generator) -> Iterator[Draft]:
     """Yield object localization questions about objects that category, or colour and category, single out."""
+    floor = min((float(world.layout.bottom[i]) for i in world.askable), default=0.0)
     for i in world.askable:
         options = [p for p in describer.plain[i] if not p.room]
         places = describe_places(world, describer, i)
@@ -33,7 +34,8 @@ def localization(world: World, describer: Describer, rng: np.random.Generator) -
             continue
         phrase = options[int(rng.integers(len(options)))]
         o = world.objects[i]
-        portable = world.layout.longest[i] <= _PORTABLE_M and o.category.rsplit(" ", 1)[-1] not in FIXTURES
+        hung = world.layout.bottom[i] > floor + 0.3 and not world.relations.rests[i]
+        portable = not hung and world.layout.longest[i] <= _PORTABLE_M and o.category.rsplit(" ", 1)[-1] not in FIXTURES
         it = "they" if phrase.be == "are" else "it"
         question = worded(rng, _PORTABLE if portable else _ANY, o=phrase.text, be=phrase.be, it=it)
         extra = tuple(places[1 : 1 + _MOST_EXTRA])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from functools import cache
 
 
 def names(text: str) -> frozenset[str]:
@@ -21,7 +22,13 @@ FIXTURES = names(
 """Things built in or too large to have been left somewhere."""
 
 _PLURAL_ONLY = frozenset({"blinds", "stairs", "clothes", "headphones", "scissors", "curtains", "shoes", "papers"})
-_MASS = frozenset({"toilet paper", "laundry detergent", "paper", "furniture", "luggage"})
+_MASS = {
+    "toilet paper": "toilet paper rolls",
+    "laundry detergent": "laundry detergent bottles",
+    "paper": "sheets of paper",
+    "luggage": "pieces of luggage",
+}
+"""Nouns without an article, and how one counts them."""
 _IRREGULAR = {"shelf": "shelves", "bookshelf": "bookshelves", "mouse": "mice", "man": "men", "person": "people"}
 _COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 
@@ -71,6 +78,7 @@ _KINDS: dict[str, frozenset[str]] = {
 """For a word, the categories a person may also mean by it; compounds follow from their last word."""
 
 
+@cache
 def may_be_called(category: str, word: str) -> bool:
     """Return whether a person may call something of this category by this word.
 
@@ -91,8 +99,10 @@ def plural(noun: str) -> str:
     """Return the plural of a category name."""
     head, of, rest = noun.partition(" of ")
     start, space, last = head.rpartition(" ")
-    if is_plural(head) or head in _MASS:
+    if is_plural(head):
         return noun
+    if noun in _MASS:
+        return _MASS[noun]
     if last in _IRREGULAR:
         last = _IRREGULAR[last]
     elif last.endswith(("s", "x", "z", "ch", "sh")):

@@ -11,6 +11,8 @@ from pipeline.scene.questions.relations import RelationName
 from pipeline.scene.questions.world import Phrase, Place, World
 
 PLACES: tuple[RelationName, ...] = ("on", "in", "under", "behind", "above", "next to")
+_FAR_M = 4.0
+"""Distance over which nobody measures by eye which of two things is the nearer."""
 
 
 class Describer:
@@ -21,6 +23,8 @@ class Describer:
         self.plain: dict[int, tuple[Phrase, ...]] = {i: tuple(self._plain(i)) for i in world.askable}
         """Descriptions without a place, shortest first: "bed", "red chair", "lamp in the kitchen"."""
         self._full: dict[int, tuple[Phrase, ...]] = {}
+        self._named = [i for i in world.askable if self.plain[i]]
+        self._volume, self._longest = world.layout.volume, world.layout.longest
 
     def all(self, position: int) -> tuple[Phrase, ...]:
         """Return every clear description of an object: plain ones, then those that name a place."""
@@ -52,21 +56,20 @@ class Describer:
 
     def anchors(self, position: int, *, places: tuple[Place, ...]) -> Iterator[tuple[Place, int, str]]:
         """Yield (place, anchor, anchor's description) for what may serve to place an object."""
-        for anchor in self.world.askable:
-            phrase = self.shortest(anchor)
-            if phrase is None or not self.may_anchor(position, anchor):
-                continue
-            for place in places:
-                yield place, anchor, phrase.text
+        for anchor in self._named:
+            if self.may_anchor(position, anchor):
+                text = self.plain[anchor][0].text
+                for place in places:
+                    yield place, anchor, text
 
     def may_anchor(self, position: int, anchor: int) -> bool:
         """Return whether one would place the object by this anchor: another thing in its room, not a smaller one."""
         world = self.world
         if anchor == position or not world.same_room(position, anchor):
             return False
-        rests = any(world.relations.may_hold[name][anchor, position] for name in ("on", "in", "under", "behind"))
-        volume = world.layout.volume
-        return not rests and bool(volume[anchor] >= 0.3 * volume[position] or world.layout.longest[anchor] >= 0.8)
+        if self._volume[anchor] < 0.3 * self._volume[position] and self._longest[anchor] < 0.8:
+            return False
+        return not any(world.relations.may_hold[name][anchor, position] for name in ("on", "in", "under", "behind"))
 
     def _plain(self, position: int) -> Iterator[Phrase]:
         o, room, color = self.world.objects[position], self.world.room_of[position], self.world.color_of(position)
@@ -83,15 +86,19 @@ class Describer:
 
     def _placed(self, position: int) -> Iterator[Phrase]:
         o, color, holds = self.world.objects[position], self.world.color_of(position), self.world.relations.holds
+        has_rival = self._has_rival(position)
         for place, anchor, text in self.anchors(position, places=(*PLACES, "closest to", "farthest from")):
             if place in holds and not holds[place][position, anchor]:
                 continue
-            if place in ("closest to", "farthest from") and not self._has_rival(position):
+            extreme = place not in holds
+            if extreme and (not has_rival or self.world.layout.distance[position, anchor] > _FAR_M):
                 continue
             phrase = Phrase(o.category, "", "", place, anchor, text)
             # The anchor's own room, where it is named, already says the target's.
             variants = [phrase, replace(phrase, color=color)] if color else [phrase]
             for variant in variants:
+                if extreme and self.world.denotes_only(replace(variant, place="", anchor=-1), position):
+                    continue
                 if self.world.denotes_only(variant, position):
                     yield variant
 

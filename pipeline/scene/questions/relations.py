@@ -32,6 +32,9 @@ COVERS = names("bed, table, desk, counter, chair, bench, couch, piano, shelf, ni
 CONTAINERS = names("basket, bin, can, trashcan, box, crate, cabinet, sink, bathtub, refrigerator, bag, bucket, bowl")
 """Categories one can put things in."""
 
+DOORS = frozenset({"door", "doorframe"})
+"""Categories that belong to the rooms on both their sides."""
+
 NEXT_TO_M = 0.45
 """Gap up to which two pieces of furniture stand next to each other."""
 NEXT_TO_SMALL_M = 0.25
@@ -50,8 +53,13 @@ class Relations:
     """Strict sense."""
     may_hold: dict[str, Bool[np.ndarray, "n n"]]
     """Lenient sense; contains the strict one."""
+    rests: Bool[np.ndarray, "n"]
+    """Which objects lie on or in another one."""
     constructed: bool
-    """Whether the scene states what stands on what, so that "nothing is there" is known."""
+    """Whether the scene states what stands on what; boxes alone decide otherwise."""
+    complete: bool
+    """Whether all that is there is known, so that "nothing is there" is true. Generated scenes know their rooms and
+    all their things; a scan's annotators left things out."""
 
 
 def find_relations(objects: Sequence[SceneObject], layout: Layout) -> Relations:
@@ -84,7 +92,7 @@ def find_relations(objects: Sequence[SceneObject], layout: Layout) -> Relations:
     resting = np.logical_or.reduce([may_hold[n] | may_hold[n].T for n in ("on", "in", "under")])
     over = layout.bottom[:, None] - layout.top[None]
     column = (layout.near >= 0.6) & (over >= -0.05)
-    hanging = ~(holds["on"] | holds["in"]).any(axis=1)[:, None]
+    hanging = (layout.longest >= 0.2)[:, None] & ~(holds["on"] | holds["in"]).any(axis=1)[:, None]
     clear = ~_something_between(layout, column & pair)
     holds["above"] = column & (over <= 1.5) & (over >= 0.0) & (layout.near >= 0.8) & hanging & clear & ~resting & pair
     may_hold["above"] = (column | (layout.near >= 0.3) & (over >= -0.3)) & pair
@@ -93,7 +101,8 @@ def find_relations(objects: Sequence[SceneObject], layout: Layout) -> Relations:
     beside = (layout.vertical_gap <= 0.05) & (layout.overlap < 0.3) & (layout.overlap.T < 0.3)
     holds["next to"] = (layout.gap <= reach) & beside & _same_level(objects, layout, holds) & ~resting & pair
     may_hold["next to"] = (layout.gap <= NEXT_TO_MAYBE_M) & (layout.vertical_gap <= 0.6) & pair | holds["next to"]
-    return Relations(holds, may_hold, constructed)
+    rests = (holds["on"] | holds["in"]).any(axis=1)
+    return Relations(holds, may_hold, rests, constructed, constructed and any(o.room for o in objects))
 
 
 def heads(objects: Sequence[SceneObject], words: frozenset[str]) -> Bool[np.ndarray, "n"]:
@@ -122,7 +131,7 @@ def _through(stated: Bool[np.ndarray, "n n"], on: Bool[np.ndarray, "n n"]) -> Bo
 
 
 def _same_room(objects: Sequence[SceneObject]) -> Bool[np.ndarray, "n n"]:
-    rooms = np.array([o.room for o in objects])
+    rooms = np.array(["" if door else o.room for o, door in zip(objects, heads(objects, DOORS), strict=True)])
     return (rooms[:, None] == rooms[None]) | (rooms[:, None] == "") | (rooms[None] == "")
 
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from pipeline.scene.questions.draft import Draft, worded
 from pipeline.scene.questions.grounding import counted_groups, group_where
+from pipeline.scene.questions.names import names
 from pipeline.scene.questions.phrases import Describer
 from pipeline.scene.questions.recognition import name_objects
 from pipeline.scene.questions.world import World, extent_along
@@ -40,8 +41,15 @@ _TOGETHER = (
     "are the {a} and the {b} in the same room?",
     "do I find the {a} and the {b} in one room?",
 )
+_FACED = names(
+    "desk, tv, stand, bookshelf, shelf, cabinet, dresser, wardrobe, bed, couch, sink, stove, refrigerator, toilet, "
+    "mirror, counter, nightstand, machine, dishwasher, piano, fireplace, window, picture, poster, whiteboard, oven"
+)
+"""Categories, by their last word, that have a front."""
 _FURNITURE_M = 0.7
 """Longest side from which a thing is a place to stand at or to face."""
+_AT_WALL_M = 0.3
+"""Distance up to which a thing stands at a wall."""
 _TRIES = 6
 """Random partners tried for an object; all pairs and triples would be thousands."""
 
@@ -67,30 +75,16 @@ def front_of(world: World, position: int) -> Float[np.ndarray, "2"] | None:
     None where no wall, or more than one side's wall, makes the front a matter of opinion.
     """
     layout, backs = world.layout, []
+    floor = world.floors.get(world.objects[position].room)
+    if floor is None or not world.room_of[position]:
+        return None
     angle = float(layout.yaw[position])
     for quarter in range(4):
         direction = np.array([np.cos(angle + quarter * np.pi / 2), np.sin(angle + quarter * np.pi / 2)])
-        edge = layout.center[position, :2] + direction * layout.half[position, quarter % 2]
-        if any(_wall_within(world, w, edge, direction) for w in _walls(world)):
+        reached = layout.center[position, :2] + direction * (layout.half[position, quarter % 2] + _AT_WALL_M)
+        if (reached < floor[0]).any() or (reached > floor[1]).any():
             backs.append(direction)
     return -backs[0] if len(backs) == 1 else None
-
-
-def _walls(world: World) -> list[int]:
-    return [i for i, o in enumerate(world.objects) if o.category == "wall"]
-
-
-def _wall_within(
-    world: World, wall: int, edge: Float[np.ndarray, "2"], direction: Float[np.ndarray, "2"], reach_m: float = 0.3
-) -> bool:
-    """Return whether a thin wall box crosses the short path from a side's middle outward."""
-    layout = world.layout
-    cos, sin = np.cos(layout.yaw[wall]), np.sin(layout.yaw[wall])
-    turn = np.array([[cos, sin], [-sin, cos]])
-    if layout.half[wall, :2].min() > 0.2:
-        return False
-    steps = edge + np.linspace(-0.05, reach_m, 8)[:, None] * direction - layout.center[wall, :2]
-    return bool((np.abs(steps @ turn.T) <= layout.half[wall, :2] + 1e-6).all(axis=1).any())
 
 
 def _apart(world: World, i: int, j: int) -> bool:
@@ -106,6 +100,8 @@ def _text(describer: Describer, position: int) -> str:
 def _counts(world: World, describer: Describer, rng: np.random.Generator) -> Iterator[Draft]:
     for group, positions in counted_groups(world, describer):
         noun, where = group.nouns, group_where(group, len(positions)) or "in total"
+        if len(positions) == 1 and (group.place or group.color):
+            continue
         kind = f"count {'several' if len(positions) > 1 else 'one'}"
         yield Draft(kind, worded(rng, _COUNT, g=noun, w=where), str(len(positions)), positions, group.category)
 
@@ -141,40 +137,40 @@ def _walker(world: World, describer: Describer, rng: np.random.Generator, p: int
 
 
 def _between(world: World, describer: Describer, rng: np.random.Generator, a: int, b: int, _: int) -> Iterator[Draft]:
-    strict = [i for i in world.askable if stands_between(world, i, a, b)]
-    lenient = [i for i in world.askable if stands_between(world, i, a, b, lenient=True)]
-    if len(strict) == 1 and strict == lenient and strict[0] not in (a, b):
+    strict = np.flatnonzero(stand_between(world, a, b)).tolist()
+    if len(strict) == 1 and strict == np.flatnonzero(stand_between(world, a, b, lenient=True)).tolist():
         question = worded(rng, _BETWEEN, a=_text(describer, a), b=_text(describer, b))
         category = world.objects[strict[0]].category
         yield Draft("between", question, name_objects(world, strict), (strict[0],), category)
 
 
-def stands_between(world: World, i: int, a: int, b: int, *, lenient: bool = False) -> bool:
-    """Return whether an object stands between two others on the floor plan, away from both ends."""
-    if i in (a, b) or not world.same_room(i, a, b) or not (_apart(world, i, a) and _apart(world, i, b)):
-        return False
-    if not world.rests(i) == world.rests(a) == world.rests(b):
-        return False
-    if max(world.layout.vertical_gap[i, a], world.layout.vertical_gap[i, b]) > 0.2:
-        return False
-    centers = world.layout.center
-    line = centers[b, :2] - centers[a, :2]
+def stand_between(world: World, a: int, b: int, *, lenient: bool = False) -> Bool[np.ndarray, "n"]:
+    """Return which objects stand between two others on the floor plan, on their level and away from both ends."""
+    layout, relations = world.layout, world.relations
+    line = layout.center[b, :2] - layout.center[a, :2]
     length = float(np.linalg.norm(line))
-    gap = float(world.layout.gap[a, b])
-    if length < 0.8 or gap < 0.4 or gap > 2.2:
-        return False
-    along = float((centers[i, :2] - centers[a, :2]) @ line / length**2)
-    offset = centers[i, :2] - centers[a, :2]
-    across = abs(float(line[0] * offset[1] - line[1] * offset[0])) / length
+    if length < 0.8 or not 0.4 <= layout.gap[a, b] <= 2.2 or not world.same_room(a, b):
+        return np.zeros(len(world.objects), bool)
+    offset = layout.center[:, :2] - layout.center[a, :2]
+    along = offset @ line / length**2
+    across = np.abs(line[0] * offset[:, 1] - line[1] * offset[:, 0]) / length
     margin, width = (0.1, 0.5) if lenient else (0.25, 0.3)
-    return margin <= along <= 1 - margin and across <= width * max(1.0, length / 2)
+    fits = (along >= margin) & (along <= 1 - margin) & (across <= width * max(1.0, length / 2))
+    for end in (a, b):
+        fits &= (layout.vertical_gap[end] <= 0.2) & (relations.rests == relations.rests[end])
+        fits &= np.abs(layout.bottom - layout.bottom[end]) <= 0.4
+        for name in ("on", "in", "under"):
+            fits &= ~(relations.may_hold[name][end] | relations.may_hold[name][:, end])
+    fits[[a, b]] = False
+    same_room = np.array([world.same_room(i, a, b) for i in range(len(world.objects))], bool)
+    return fits & world.is_askable & same_room
 
 
 def _sides(
     world: World, describer: Describer, rng: np.random.Generator, x: int, neighbours: list[int]
 ) -> Iterator[Draft]:
     front = front_of(world, x)
-    if front is None or world.layout.longest[x] < _FURNITURE_M:
+    if front is None or world.objects[x].category.rsplit(" ", 1)[-1] not in _FACED:
         return
     # Facing the front, the viewer looks along -front; their right hand points along (-front) turned clockwise.
     right = np.array([-front[1], front[0]])
@@ -182,7 +178,8 @@ def _sides(
     for o in neighbours:
         offset = world.layout.center[o, :2] - world.layout.center[x, :2]
         side, depth = float(right @ offset), float(front @ offset)
-        if abs(side) - extent_along(world, o, right) < half_width or world.layout.gap[x, o] > 1.5 or abs(depth) > 1.2:
+        beside = abs(side) - extent_along(world, o, right) >= half_width and abs(side) >= 1.2 * abs(depth)
+        if not beside or world.layout.gap[x, o] > 1.5:
             continue
         question = worded(rng, _SIDE, x=_text(describer, x), o=_text(describer, o))
         answer = "To the right" if side > 0 else "To the left"

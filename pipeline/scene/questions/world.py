@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal, Protocol
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 from pipeline.scene.objects import SceneObject
 from pipeline.scene.questions.layout import Layout, measure_layout
 from pipeline.scene.questions.names import STRUCTURE, be, may_be_called, plural, room_word
-from pipeline.scene.questions.relations import RelationName, Relations, find_relations
+from pipeline.scene.questions.relations import DOORS, RelationName, Relations, find_relations, heads
 
 Place = Literal["", "on", "in", "under", "behind", "above", "next to", "closest to", "farthest from"]
 """How a description places its object: a relation, or the extreme of a distance."""
@@ -44,12 +44,23 @@ _SIMILAR_COLORS = (
 )
 
 
+@runtime_checkable
 class Room(Protocol):
     """A named room; procedural scenes know theirs."""
 
     @property
     def name(self) -> str:
-        """Name such as "kitchen", as `SceneObject.room` has it."""
+        """Name such as "kitchen" or "bedroom 2", as `SceneObject.room` has it."""
+        ...
+
+    @property
+    def low(self) -> tuple[float, float]:
+        """Lowest x and y of the floor, metres."""
+        ...
+
+    @property
+    def high(self) -> tuple[float, float]:
+        """Highest x and y of the floor, metres."""
         ...
 
 
@@ -112,10 +123,21 @@ class World:
     """Pairwise relations."""
     rooms: tuple[str, ...]
     """Distinct room words, sorted."""
+    floors: Mapping[str, tuple[tuple[float, float], tuple[float, float]]]
+    """Floor rectangle (lowest and highest x, y; metres) of each room of known extent, by the room's full name."""
     room_of: tuple[str, ...]
-    """Room word of each object; empty when unknown."""
+    """Room word of each object; empty when unknown, and for doors."""
     askable: tuple[int, ...]
     """Positions of objects one may ask about: no structure, nothing vague."""
+    _known: dict[object, Bool[np.ndarray, "n"]] = field(default_factory=dict, repr=False, compare=False)
+    """Readings worked out before; descriptions come back thousands of times."""
+
+    @property
+    def is_askable(self) -> Bool[np.ndarray, "n"]:
+        """Which objects one may ask about."""
+        result = np.zeros(len(self.objects), bool)
+        result[list(self.askable)] = True
+        return result
 
     def denotes(self, phrase: Phrase, *, lenient: bool = False) -> Bool[np.ndarray, "n"]:
         """Return which objects the description fits, in the strict sense or in the one nobody would deny."""
@@ -124,7 +146,7 @@ class World:
             return fits & self._extreme(phrase, lenient)
         if phrase.place:
             table = self.relations.may_hold if lenient else self.relations.holds
-            fits &= table[phrase.place][:, phrase.anchor]
+            return fits & table[phrase.place][:, phrase.anchor]
         return fits
 
     def is_clear(self, phrase: Phrase) -> bool:
@@ -149,12 +171,15 @@ class World:
         return first == second or "" in (first, second) or {first, second} in _SIMILAR_COLORS
 
     def same_room(self, *positions: int) -> bool:
-        """Return whether all objects are in one room, or rooms are unknown."""
-        return len({self.room_of[i] for i in positions}) == 1
+        """Return whether the objects may all be in one room; a door, or a thing of unknown room, is in any."""
+        return len({self.room_of[i] for i in positions} - {""}) <= 1
 
-    def rests(self, position: int) -> bool:
-        """Return whether the object lies on or in another one."""
-        return any(bool(self.relations.holds[name][position].any()) for name in ("on", "in"))
+    def stature(self, position: int) -> float:
+        """Return how tall an object is, metres: from the floor up for what stands on it, since scans miss legs."""
+        bottom, top = self.layout.bottom, self.layout.top
+        floor = min(float(bottom[i]) for i in self.askable)
+        stands = not self.relations.rests[position] and bottom[position] <= floor + 0.6
+        return float(top[position] - (floor if stands else bottom[position]))
 
     def color_of(self, position: int) -> str:
         """Return the object's colour, or "" where naming it makes no sense."""
@@ -162,7 +187,10 @@ class World:
         return "" if o.category in UNCOLORED else o.color
 
     def _kind(self, category: str, color: str, room: str, lenient: bool) -> Bool[np.ndarray, "n"]:
-        return np.array(
+        key = (category, color, room, lenient)
+        if key in self._known:
+            return self._known[key]
+        self._known[key] = np.array(
             [
                 (may_be_called(o.category, category) if lenient else o.category == category)
                 and (not color or o.color == color or (lenient and not self.color_of(i)))
@@ -171,6 +199,7 @@ class World:
             ],
             bool,
         )
+        return self._known[key]
 
     def _extreme(self, phrase: Phrase, lenient: bool) -> Bool[np.ndarray, "n"]:
         """Return the one object plainly nearest to (farthest from) the anchor; none where it is not plain.
@@ -178,8 +207,15 @@ class World:
         Distances through walls mean little to a person: the extreme lies in the anchor's room, and for the farthest
         no rival may be elsewhere.
         """
-        rivals = self._kind(phrase.category, phrase.color, phrase.room, True)
+        key = (phrase, lenient)
+        if key in self._known:
+            return self._known[key]
+        rivals = self._kind(phrase.category, phrase.color, phrase.room, True).copy()
         rivals[phrase.anchor] = False
+        self._known[key] = self._most(phrase, rivals, lenient)
+        return self._known[key]
+
+    def _most(self, phrase: Phrase, rivals: Bool[np.ndarray, "n"], lenient: bool) -> Bool[np.ndarray, "n"]:
         positions = np.flatnonzero(rivals)
         result = np.zeros(len(self.objects), bool)
         if not len(positions):
@@ -209,10 +245,13 @@ def build_world(objects: Sequence[SceneObject], rooms: Sequence[Room]) -> World:
     """
     layout = measure_layout(objects)
     relations = find_relations(objects, layout)
-    room_of = tuple(room_word(o.room) for o in objects)
+    # A door belongs to the rooms on both its sides.
+    doors = heads(objects, DOORS)
+    room_of = tuple("" if door else room_word(o.room) for o, door in zip(objects, doors, strict=True))
     names = sorted({room_word(r.name) for r in rooms} | {name for name in room_of if name})
     askable = tuple(i for i, o in enumerate(objects) if o.category not in STRUCTURE | VAGUE)
-    return World(tuple(objects), layout, relations, tuple(names), room_of, askable)
+    floors = {r.name: (r.low, r.high) for r in rooms}
+    return World(tuple(objects), layout, relations, tuple(names), floors, room_of, askable)
 
 
 def extent_along(world: World, position: int, direction: Float[np.ndarray, "2"]) -> float:

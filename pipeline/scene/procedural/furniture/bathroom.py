@@ -59,7 +59,7 @@ def basin(rng: np.random.Generator) -> Model:
     s.tube((0, 0.01, 0.03), 0.11, 0.10, white, tip=1.55, caps="bottom")
     s.tube((0, -0.18, 0), 0.016, 0.2, steel)
     s.rod((0, -0.18, 0.19), (0, 0.12, -0.01), 0.012, steel)
-    return Model("sink", "white", s, solid_base=True)
+    return Model("sink", "white", s)
 
 
 def bathtub(rng: np.random.Generator) -> Model:
@@ -77,7 +77,7 @@ def towel(rng: np.random.Generator) -> Model:
     s, w, h = Shape(), float(rng.uniform(0.4, 0.55)), float(rng.uniform(0.55, 0.75))
     s.rod((-w / 2 - 0.05, 0, h), (w + 0.1, 0, 0), 0.012, metal("gray", rng))
     s.block((0, 0, 0), (w, 0.05, h + 0.02), cloth(color, rng))
-    return Model("towel", color, s)
+    return Model("towel", color, s, contact="none")
 
 
 def toilet_paper(rng: np.random.Generator) -> Model:
@@ -85,7 +85,7 @@ def toilet_paper(rng: np.random.Generator) -> Model:
     s = Shape()
     s.rod((-0.055, 0, 0.055), (0.11, 0, 0), 0.055, flat("white", rng))
     s.board((0, -0.055, 0.10), (0.13, 0.02, 0.03), metal("gray", rng))
-    return Model("toilet paper", "white", s)
+    return Model("toilet paper", "white", s, contact="none")
 
 
 def soap_dispenser(rng: np.random.Generator) -> Model:

@@ -23,7 +23,7 @@ def bed(rng: np.random.Generator) -> Model:
     foot = Slot("on", (-w / 2 + 0.02, d / 2 - 0.52, top), (w / 2 - 0.02, d / 2 - 0.06, top + 0.3), "blanket")
     middle = Slot("on", (-w / 2 + 0.06, -d / 2 + 0.56, top), (w / 2 - 0.06, d / 2 - 0.56, top + 0.6))
     under = Slot("under", (-w / 2 + 0.09, -d / 2 + 0.15, 0.0), (w / 2 - 0.09, d / 2 - 0.06, base - 0.015))
-    return Model("bed", color, s, slots=(head, foot, middle, under), solid_base=False)
+    return Model("bed", color, s, slots=(head, foot, middle, under), contact="none")
 
 
 def pillow(rng: np.random.Generator) -> Model:

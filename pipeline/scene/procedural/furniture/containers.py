@@ -27,10 +27,10 @@ def box(rng: np.random.Generator) -> Model:
     paint = flat(color, rng)
     if rng.random() < 0.65:
         s.hollow((0, 0, 0), (w, d, h), 0.012, paint)
-        return Model("box", color, s, ("open",), (_inside(w, d, 0.012, h + 0.08, 0.012),))
+        return Model("box", color, s, ("open",), (_inside(w, d, 0.012, h + 0.08, 0.012),), contact="rectangle")
     s.block((0, 0, 0), (w - 0.02, d - 0.02, h - 0.05), paint, skip=("bottom", "top"))
     s.block((0, 0, h - 0.05), (w, d, 0.05), paint)
-    return Model("box", color, s, ("closed",), (Slot("on", (-w / 2 + 0.03, -d / 2 + 0.03, h), (w / 2 - 0.03, d / 2 - 0.03, h + 0.3)),))
+    return Model("box", color, s, ("closed",), (Slot("on", (-w / 2 + 0.03, -d / 2 + 0.03, h), (w / 2 - 0.03, d / 2 - 0.03, h + 0.3)),), contact="rectangle")
 
 
 def storage_container(rng: np.random.Generator) -> Model:
@@ -38,7 +38,7 @@ def storage_container(rng: np.random.Generator) -> Model:
     color, s = pick(rng, "blue", "white", "gray", "green", "red", "orange"), Shape()
     w, d, h = 0.46, 0.34, 0.2
     s.hollow((0, 0, 0), (w, d, h), 0.015, flat(color, rng))
-    return Model("storage container", color, s, ("open",), (_inside(w, d, 0.015, h + 0.02, 0.015),))
+    return Model("storage container", color, s, ("open",), (_inside(w, d, 0.015, h + 0.02, 0.015),), contact="rectangle")
 
 
 def basket(rng: np.random.Generator) -> Model:
@@ -46,7 +46,7 @@ def basket(rng: np.random.Generator) -> Model:
     color, s = pick(rng, "brown", "brown", "white", "gray", "orange"), Shape()
     w, d, h = float(rng.uniform(0.32, 0.42)), 0.30, float(rng.uniform(0.2, 0.28))
     s.hollow((0, 0, 0), (w, d, h), 0.018, wicker(color, rng))
-    return Model("basket", color, s, ("open",), (_inside(w, d, 0.018, h + 0.08, 0.018),))
+    return Model("basket", color, s, ("open",), (_inside(w, d, 0.018, h + 0.08, 0.018),), contact="rectangle")
 
 
 def laundry_basket(rng: np.random.Generator) -> Model:
@@ -54,7 +54,7 @@ def laundry_basket(rng: np.random.Generator) -> Model:
     color, s = pick(rng, "white", "blue", "green", "pink", "gray"), Shape()
     w, d, h = 0.44, 0.36, float(rng.uniform(0.36, 0.48))
     s.hollow((0, 0, 0), (w, d, h), 0.018, wicker(color, rng))
-    return Model("laundry basket", color, s, ("open",), (_inside(w, d, 0.018, h - 0.01, 0.018),))
+    return Model("laundry basket", color, s, ("open",), (_inside(w, d, 0.018, h - 0.01, 0.018),), contact="rectangle")
 
 
 def crate(rng: np.random.Generator) -> Model:
@@ -68,7 +68,7 @@ def crate(rng: np.random.Generator) -> Model:
         for side in (-1, 1):
             s.board((0, side * (d / 2 - 0.008), z), (w, 0.016, 0.08), paint)
             s.board((side * (w / 2 - 0.008), 0, z), (0.016, d - 0.04, 0.08), paint)
-    return Model("crate", color, s, ("open",), (_inside(w, d, 0.016, h + 0.05, 0.02),))
+    return Model("crate", color, s, ("open",), (_inside(w, d, 0.016, h + 0.05, 0.02),), contact="rectangle")
 
 
 def trash_can(rng: np.random.Generator) -> Model:

@@ -28,7 +28,7 @@ def tv(rng: np.random.Generator) -> Model:
     s.board((0, 0.02, 0.08), (w - 0.05, 0.012, h - 0.05), _screen(on, rng))
     for side in (-1, 1):
         s.board((side * w * 0.3, 0, 0), (0.04, 0.2, 0.06), dark)
-    return Model("tv", "black", s, _states(on), solid_base=False)
+    return Model("tv", "black", s, _states(on), contact="none")
 
 
 def monitor(rng: np.random.Generator) -> Model:
@@ -137,7 +137,7 @@ def keyboard_piano(rng: np.random.Generator) -> Model:
         s.block((side * 0.42, 0, 0), (0.04, 0.28, 0.03), leg)
         s.block((side * 0.42, 0, 0.03), (0.04, 0.06, h - 0.03), leg, skip=("top", "bottom"))
     under = Slot("under", (-0.37, -0.13, 0.0), (0.37, 0.13, h - 0.05))
-    return Model("keyboard piano", color, s, slots=(under,), solid_base=False)
+    return Model("keyboard piano", color, s, slots=(under,), contact="none")
 
 
 def fan(rng: np.random.Generator) -> Model:

@@ -21,7 +21,7 @@ def door(rng: np.random.Generator, width: float, height: float, *, is_open: bool
     inset = Paint(tuple(0.9 * c for c in paint.color), paint.texture, paint.period_m, paint.contrast)  # type: ignore[arg-type]
     for y in (-1, 1):
         for z, h in ((0.2, 0.7), (1.1, 0.7)):
-            s.board((width / 2, y * LEAF_M / 2, z), (width - 0.3, 0.008, h), inset)
+            s.board((width / 2, y * LEAF_M / 2, z), (width - 0.3, 0.008, h), inset, skip=("back",) if y > 0 else ("front",))
         s.board((width - 0.08, y * (LEAF_M / 2 + 0.03), 1.0), (0.12, 0.02, 0.02), knob)
         s.board((width - 0.05, y * (LEAF_M / 2 + 0.01), 0.98), (0.04, 0.02, 0.08), knob)
     slots: tuple[Slot, ...] = ()
@@ -34,11 +34,11 @@ def window(rng: np.random.Generator) -> Model:
     frame, sky = flat("white", rng), Paint((0.60, 0.79, 0.97), Texture.FABRIC, 0.8, 0.06, 0.0, 1.0)
     s.block((0, 0.012, 0.03), (w - 0.06, 0.024, h - 0.06), sky, skip=("back",))
     for x in (-w / 2 + 0.03, 0.0, w / 2 - 0.03):
-        s.board((x, 0.025, 0.0), (0.06, 0.05, h), frame)
+        s.board((x, 0.025, 0.0), (0.06, 0.05, h), frame, skip=("back",))
     for z in (0.0, h - 0.06):
-        s.board((0, 0.025, z), (w, 0.05, 0.06), frame)
-    s.board((0, 0.06, -0.04), (w + 0.06, 0.12, 0.04), frame)
-    return Model("window", "blue", s)
+        s.board((0, 0.025, z), (w, 0.05, 0.06), frame, skip=("back",))
+    s.board((0, 0.06, -0.04), (w, 0.12, 0.04), frame, skip=("back",))
+    return Model("window", "blue", s, contact="rectangle")
 
 
 def curtain(rng: np.random.Generator) -> Model:
@@ -55,47 +55,47 @@ def picture(rng: np.random.Generator) -> Model:
     """Framed picture; its colour is the painting's ground."""
     color, s = pick(rng, *BRIGHT, "gray"), Shape()
     w, h = float(rng.uniform(0.4, 0.8)), float(rng.uniform(0.35, 0.6))
-    s.board((0, 0.012, 0), (w, 0.024, h), wood(pick(rng, "brown", "black", "white"), rng))
-    s.board((0, 0.026, 0.04), (w - 0.08, 0.008, h - 0.08), flat(color, rng))
+    s.board((0, 0.012, 0), (w, 0.024, h), wood(pick(rng, "brown", "black", "white"), rng), skip=("back",))
+    s.board((0, 0.026, 0.04), (w - 0.08, 0.008, h - 0.08), flat(color, rng), skip=("back",))
     other = pick(rng, *[c for c in PALETTE if c != color])
     s.rod((w * float(rng.uniform(-0.2, 0.2)), 0.03, h * 0.55), (0, 0.006, 0), h * 0.18, flat(other, rng))
-    s.board((0, 0.031, 0.06), (w - 0.16, 0.006, h * 0.18), flat(pick(rng, *PALETTE), rng))
-    return Model("picture", color, s)
+    s.board((0, 0.031, 0.06), (w - 0.16, 0.006, h * 0.18), flat(pick(rng, *PALETTE), rng), skip=("back",))
+    return Model("picture", color, s, contact="rectangle")
 
 
 def poster(rng: np.random.Generator) -> Model:
     """Sheet on the wall with bands of colour."""
     color, s = pick(rng, *BRIGHT, "black"), Shape()
-    s.board((0, 0.006, 0), (0.5, 0.012, 0.7), flat(color, rng))
-    s.board((0, 0.014, 0.08), (0.36, 0.004, 0.12), flat("white", rng))
-    return Model("poster", color, s)
+    s.board((0, 0.006, 0), (0.5, 0.012, 0.7), flat(color, rng), skip=("back",))
+    s.board((0, 0.014, 0.08), (0.36, 0.004, 0.12), flat("white", rng), skip=("back",))
+    return Model("poster", color, s, contact="rectangle")
 
 
 def mirror(rng: np.random.Generator) -> Model:
     """Mirror: pale gray glass in a frame."""
     s, w, h = Shape(), float(rng.uniform(0.5, 0.7)), float(rng.uniform(0.7, 1.0))
-    s.board((0, 0.01, 0), (w, 0.02, h), wood(pick(rng, "brown", "black", "white"), rng))
-    s.board((0, 0.022, 0.03), (w - 0.06, 0.006, h - 0.06), Paint((0.62, 0.65, 0.67), Texture.FABRIC, 0.5, 0.05, 0.25))
-    return Model("mirror", "gray", s)
+    s.board((0, 0.01, 0), (w, 0.02, h), wood(pick(rng, "brown", "black", "white"), rng), skip=("back",))
+    s.board((0, 0.022, 0.03), (w - 0.06, 0.006, h - 0.06), Paint((0.62, 0.65, 0.67), Texture.FABRIC, 0.5, 0.05, 0.25), skip=("back",))
+    return Model("mirror", "gray", s, contact="rectangle")
 
 
 def whiteboard(rng: np.random.Generator) -> Model:
     """Whiteboard with a few strokes on it."""
     s = Shape()
-    s.board((0, 0.012, 0), (1.2, 0.024, 0.8), metal("gray", rng))
-    s.board((0, 0.026, 0.03), (1.14, 0.006, 0.74), flat("white", rng))
+    s.board((0, 0.012, 0), (1.2, 0.024, 0.8), metal("gray", rng), skip=("back",))
+    s.board((0, 0.026, 0.03), (1.14, 0.006, 0.74), flat("white", rng), skip=("back",))
     for k in range(3):
-        s.board((-0.2, 0.03, 0.25 + 0.15 * k), (float(rng.uniform(0.2, 0.5)), 0.003, 0.02), flat(pick(rng, "red", "blue"), rng))
-    return Model("whiteboard", "white", s)
+        s.board((-0.2, 0.03, 0.25 + 0.15 * k), (float(rng.uniform(0.2, 0.5)), 0.003, 0.02), flat(pick(rng, "red", "blue"), rng), skip=("back",))
+    return Model("whiteboard", "white", s, contact="rectangle")
 
 
 def bulletin_board(rng: np.random.Generator) -> Model:
     """Cork board with notes."""
     s = Shape()
-    s.board((0, 0.012, 0), (0.8, 0.024, 0.55), Paint(mix("brown", rng), Texture.FABRIC, 0.06, 0.15))
+    s.board((0, 0.012, 0), (0.8, 0.024, 0.55), Paint(mix("brown", rng), Texture.FABRIC, 0.06, 0.15), skip=("back",))
     for k in range(4):
-        s.board((-0.27 + 0.18 * k, 0.027, float(rng.uniform(0.1, 0.3))), (0.1, 0.004, 0.12), flat(pick(rng, "white", "yellow", "pink"), rng))
-    return Model("bulletin board", "brown", s)
+        s.board((-0.27 + 0.18 * k, 0.027, float(rng.uniform(0.1, 0.3))), (0.1, 0.004, 0.12), flat(pick(rng, "white", "yellow", "pink"), rng), skip=("back",))
+    return Model("bulletin board", "brown", s, contact="rectangle")
 
 
 def radiator(rng: np.random.Generator) -> Model:
@@ -105,7 +105,7 @@ def radiator(rng: np.random.Generator) -> Model:
     s.board((0, 0.05, 0.12), (0.8, 0.05, 0.48), paint)
     for k in range(10):
         s.board((-0.36 + 0.08 * k, 0.085, 0.12), (0.045, 0.03, 0.48), paint)
-    return Model("radiator", "white", s, solid_base=False)
+    return Model("radiator", "white", s, contact="none")
 
 
 def light_switch(rng: np.random.Generator) -> Model:
@@ -113,7 +113,7 @@ def light_switch(rng: np.random.Generator) -> Model:
     s = Shape()
     s.board((0, 0.006, 0), (0.09, 0.012, 0.09), flat("white", rng))
     s.board((0, 0.014, 0.02), (0.045, 0.006, 0.05), flat("gray", rng))
-    return Model("light switch", "white", s)
+    return Model("light switch", "white", s, contact="rectangle")
 
 
 def calendar(rng: np.random.Generator) -> Model:
@@ -121,7 +121,7 @@ def calendar(rng: np.random.Generator) -> Model:
     color, s = "white", Shape()
     s.board((0, 0.006, 0), (0.3, 0.012, 0.42), flat(color, rng))
     s.board((0, 0.014, 0.26), (0.28, 0.004, 0.14), flat(pick(rng, *BRIGHT), rng))
-    return Model("calendar", color, s)
+    return Model("calendar", color, s, contact="rectangle")
 
 
 def fire_extinguisher(rng: np.random.Generator) -> Model:
@@ -138,6 +138,6 @@ def mat(rng: np.random.Generator, width: float, depth: float) -> Model:
     color, s = pick(rng, "red", "blue", "green", "gray", "purple", "orange", "pink"), Shape()
     paint = Paint(mix(color, rng), Texture(int(rng.choice([Texture.CHECKS, Texture.STRIPES]))), 0.25, 0.12, 0.0)
     s.block((0, 0, 0), (width, depth, 0.014), paint, skip=("bottom",))
-    return Model("mat", color, s)
+    return Model("mat", color, s, contact="rectangle")
 
 

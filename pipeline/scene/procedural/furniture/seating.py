@@ -28,7 +28,7 @@ def couch(rng: np.random.Generator) -> Model:
     s.legs(w - 0.1, d - 0.1, 0.06, 0.05, wood("brown", rng))
     seat = Slot("on", (-w / 2 + arm + 0.02, -0.20, 0.44), (w / 2 - arm - 0.02, 0.40, 1.0), "seat")
     behind = Slot("behind", (-w / 2 + 0.1, -d / 2 - 0.46, 0.0), (w / 2 - 0.1, -d / 2 - 0.03, 1.1))
-    return Model("couch", color, s, slots=(seat, behind))
+    return Model("couch", color, s, slots=(seat, behind), contact="none")
 
 
 def armchair(rng: np.random.Generator) -> Model:
@@ -44,7 +44,7 @@ def armchair(rng: np.random.Generator) -> Model:
     s.legs(w - 0.1, d - 0.1, 0.08, 0.05, wood("brown", rng))
     seat = Slot("on", (-w / 2 + 0.18, -0.12, 0.45), (w / 2 - 0.18, 0.36, 0.9), "seat")
     behind = Slot("behind", (-w / 2 + 0.05, -d / 2 - 0.42, 0.0), (w / 2 - 0.05, -d / 2 - 0.03, 1.0))
-    return Model("armchair", color, s, slots=(seat, behind))
+    return Model("armchair", color, s, slots=(seat, behind), contact="none")
 
 
 def chair(rng: np.random.Generator) -> Model:
@@ -59,7 +59,7 @@ def chair(rng: np.random.Generator) -> Model:
         s.block((side * (w / 2 - 0.025), -d / 2 + 0.02, 0.47), (0.05, 0.04, top - 0.47), paint, skip=("bottom",))
     s.board((0, -d / 2 + 0.02, top - 0.28), (w - 0.1, 0.03, 0.26), paint)
     seat = Slot("on", (-w / 2 + 0.03, -d / 2 + 0.06, 0.47), (w / 2 - 0.03, d / 2 - 0.03, 0.9), "seat")
-    return Model("chair", color, s, slots=(seat,), solid_base=False)
+    return Model("chair", color, s, slots=(seat,), contact="none")
 
 
 def office_chair(rng: np.random.Generator) -> Model:
@@ -78,7 +78,7 @@ def office_chair(rng: np.random.Generator) -> Model:
         s.board((side * 0.26, 0.0, 0.64), (0.05, 0.26, 0.03), steel)
         s.block((side * 0.26, 0.0, 0.50), (0.03, 0.04, 0.14), steel, skip=("top", "bottom"))
     seat = Slot("on", (-0.21, -0.16, 0.52), (0.21, 0.21, 0.95), "seat")
-    return Model("office chair", color, s, slots=(seat,), solid_base=False)
+    return Model("office chair", color, s, slots=(seat,), contact="none")
 
 
 def stool(rng: np.random.Generator) -> Model:
@@ -91,7 +91,7 @@ def stool(rng: np.random.Generator) -> Model:
         x, y = np.cos(angle), np.sin(angle)
         s.rod((0.16 * x, 0.16 * y, 0.0), (-0.05 * x, -0.05 * y, h), 0.017, paint, caps="none")
     s.tube((0, 0, h), r, 0.04, paint)
-    return Model("stool", color, s, slots=(Slot("on", (-0.1, -0.1, h + 0.04), (0.1, 0.1, h + 0.4)),), solid_base=False)
+    return Model("stool", color, s, slots=(Slot("on", (-0.1, -0.1, h + 0.04), (0.1, 0.1, h + 0.4)),), contact="none")
 
 
 def bench(rng: np.random.Generator) -> Model:
@@ -104,7 +104,7 @@ def bench(rng: np.random.Generator) -> Model:
         s.board((side * (w / 2 - 0.05), 0, 0), (0.05, d - 0.04, h - 0.05), paint)
     on = Slot("on", (-w / 2 + 0.05, -d / 2 + 0.03, h), (w / 2 - 0.05, d / 2 - 0.03, h + 0.5))
     under = Slot("under", (-w / 2 + 0.12, -d / 2 + 0.02, 0.0), (w / 2 - 0.12, d / 2 - 0.02, h - 0.08))
-    return Model("bench", color, s, slots=(on, under), solid_base=False)
+    return Model("bench", color, s, slots=(on, under), contact="none")
 
 
 def ottoman(rng: np.random.Generator) -> Model:

@@ -165,7 +165,7 @@ def ball(rng: np.random.Generator) -> Model:
     """Toy ball."""
     color, s, r = pick(rng, *BRIGHT), Shape(), float(rng.uniform(0.07, 0.12))
     s.ball((0, 0, r), r, flat(color, rng))
-    return Model("ball", color, s, solid_base=False)
+    return Model("ball", color, s, contact="none")
 
 
 def hat(rng: np.random.Generator) -> Model:

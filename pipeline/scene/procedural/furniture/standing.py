@@ -99,7 +99,7 @@ def ladder(rng: np.random.Generator) -> Model:
         s.block((side * 0.2, 0, 0), (0.035, 0.07, h), paint, skip=("bottom",))
     for k in range(6):
         s.board((0, 0, 0.18 + 0.22 * k), (0.37, 0.06, 0.025), paint)
-    return Model("ladder", color, s, ("closed",), solid_base=False)
+    return Model("ladder", color, s, ("closed",), contact="none")
 
 
 def coat_rack(rng: np.random.Generator) -> Model:
@@ -141,7 +141,7 @@ def bicycle(rng: np.random.Generator) -> Model:
     s.board((-0.21, 0, 0.86), (0.24, 0.12, 0.05), flat("black" if color != "black" else "gray", rng))
     s.rod((0.36, 0, 0.8), (-0.02, 0, 0.17), 0.018, paint)
     s.rod((0.34, -0.24, 0.97), (0, 0.48, 0), 0.018, flat("black", rng))
-    return Model("bicycle", color, s, solid_base=False)
+    return Model("bicycle", color, s, contact="none")
 
 
 def piano(rng: np.random.Generator) -> Model:

@@ -63,7 +63,7 @@ def cupboard(
         door.board((-side * (w / 2 - 0.05), t / 2 + 0.01, (h - base_m) * 0.5), (0.02, 0.02, min(0.14, 0.3 * h)), knob)
         # Doors open by about 100 degrees, hinged at the outer front edges.
         s.merge(door, at=(side * (w / 2 - t / 2), d / 2 - t / 2, base_m + 0.015), yaw=-side * float(rng.uniform(1.6, 1.85)))
-    return Model(category, color, s, ("open",), tuple(slots), solid_base=True)
+    return Model(category, color, s, ("open",), tuple(slots))
 
 
 def cabinet(rng: np.random.Generator) -> Model:

@@ -23,7 +23,7 @@ def _table(
     on = Slot("on", (-w / 2 + 0.03, -d / 2 + 0.03, h), (w / 2 - 0.03, d / 2 - 0.03, h + 0.7))
     inset = leg + 0.05
     under = Slot("under", (-w / 2 + inset, -d / 2 + inset, 0.0), (w / 2 - inset, d / 2 - inset, h - top - 0.08))
-    return Model(category, color, s, slots=(on, under), solid_base=False)
+    return Model(category, color, s, slots=(on, under), contact="none")
 
 
 def coffee_table(rng: np.random.Generator) -> Model:
@@ -54,7 +54,7 @@ def end_table(rng: np.random.Generator) -> Model:
     s.tube((0, 0, 0), 0.16, 0.03, paint, caps="top")
     s.tube((0, 0, 0.03), 0.03, 0.47, paint, caps="none")
     s.tube((0, 0, 0.5), 0.24, 0.03, paint)
-    return Model("end table", color, s, slots=(Slot("on", (-0.16, -0.16, 0.53), (0.16, 0.16, 1.1)),), solid_base=False)
+    return Model("end table", color, s, slots=(Slot("on", (-0.16, -0.16, 0.53), (0.16, 0.16, 1.1)),), contact="none")
 
 
 def desk(rng: np.random.Generator) -> Model:
@@ -74,7 +74,7 @@ def desk(rng: np.random.Generator) -> Model:
     on = Slot("on", (-w / 2 + 0.03, -d / 2 + 0.03, h), (w / 2 - 0.03, d / 2 - 0.03, h + 0.7))
     left, right = sorted((-side * (w / 2 - 0.06), side * (w / 2 - block_w - 0.06)))
     under = Slot("under", (left, -d / 2 + 0.08, 0.0), (right, d / 2 - 0.05, 0.6))
-    return Model("desk", color, s, slots=(on, under), solid_base=False)
+    return Model("desk", color, s, slots=(on, under), contact="none")
 
 
 def ironing_board(rng: np.random.Generator) -> Model:
@@ -86,4 +86,4 @@ def ironing_board(rng: np.random.Generator) -> Model:
         s.rod((-0.4, y, 0.0), (0.8, 0.0, h), 0.014, steel, caps="none")
         s.rod((0.4, y, 0.0), (-0.8, 0.0, h), 0.014, steel, caps="none")
     on = Slot("on", (-0.5, -0.13, h + 0.035), (0.5, 0.13, h + 0.5))
-    return Model("ironing board", color, s, slots=(on,), solid_base=False)
+    return Model("ironing board", color, s, slots=(on,), contact="none")

@@ -1,0 +1,145 @@
+"""Answers about how things are: whether what is said of one holds, open or closed, which is larger, left or right."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from pipeline.models.symbolic.about_things import exists
+from pipeline.models.symbolic.answer import UNKNOWN, Answer, stated, verdict
+from pipeline.models.symbolic.knowledge import MATERIALS
+from pipeline.models.symbolic.lexicon import NEAR_COLORS
+from pipeline.models.symbolic.perceive import View
+from pipeline.models.symbolic.phrases import Phrase, Query
+from pipeline.models.symbolic.relations import gap_m, left
+from pipeline.models.symbolic.resolve import SURE, extent, resolve
+from pipeline.models.symbolic.sentences import be, link_words, place_of
+from pipeline.models.symbolic.states import state_of
+
+HOLDS = 0.6
+"""Fit from which what is said of a thing holds."""
+CLEARLY_DIFFERENT = 0.15
+"""Two measures closer than this share of the larger are too close to call for sure."""
+
+
+def check(query: Query, view: View) -> Answer:
+    """Look for the thing without what is asked of it, then see whether that holds."""
+    target = query.target
+    if target.anything or not target.named:
+        return exists(query, view)
+    if target.state:
+        return _check_state(target, view)
+    if query.said:
+        return _check_color(query, view)
+    return _check_place(target, view) if target.links else UNKNOWN
+
+
+def state(query: Query, view: View) -> Answer:
+    """Name the state of a thing on the scale asked about, or on the first that shows."""
+    found = resolve(replace(query.target, state=""), view)
+    if not found:
+        return UNKNOWN
+    scales = query.measure.split()[:1] or ["open", "on"]
+    seen = next((s for scale in scales if (s := state_of(view, found[0].index, scale)) is not None), None)
+    if seen is None:
+        return UNKNOWN
+    name = query.target.words or view.things[found[0].index].name
+    sure = seen.sure and found[0].fit >= SURE
+    return stated(f"The {name} {be(query.target)} {seen.value}.", sure, view, found[0], seen.value)
+
+
+def compare(query: Query, view: View) -> Answer:
+    """Say which of two is nearer or larger; both must be seen, and what nearness is measured to."""
+    measures = [option_measure(query, option, view) for option in query.options]
+    if len(measures) < 2 or any(measure is None for measure in measures):
+        return UNKNOWN
+    values = [measure for measure in measures if measure is not None]
+    best = min(range(len(values)), key=lambda i: (values[i], i))
+    rest = min(value for i, value in enumerate(values) if i != best)
+    phrase = query.options[best]
+    found = [resolve(replace(option, links=()), view) for option in query.options]
+    whole = all(f[0].fit >= SURE and not view.things[f[0].index].cut for f in found)
+    return stated(f"The {phrase.words}.", whole and clearly(values[best], rest), view, found[best][0], phrase.words)
+
+
+def option_measure(query: Query, option: Phrase, view: View) -> float | None:
+    """Return the measure by which an option is compared, smaller first; None where it cannot be taken in this view."""
+    found = resolve(replace(option, links=(), extreme=""), view)
+    if not found:
+        return None
+    thing = view.things[found[0].index]
+    if query.measure not in ("nearest", "farthest") or query.reference is None:
+        return extent(query.measure, thing)
+    anchors = [m for m in resolve(query.reference, view, 1) if m.index != found[0].index]
+    if not anchors:
+        return None
+    distance = min(gap_m(thing, view.things[anchor.index]) for anchor in anchors)
+    return distance if query.measure == "nearest" else -distance
+
+
+def clearly(first: float, second: float) -> bool:
+    """Return whether two measures differ by more than the eye errs."""
+    return abs(second - first) > CLEARLY_DIFFERENT * max(abs(first), abs(second))
+
+
+def material(query: Query, view: View) -> Answer:
+    """Guess what a thing is made of from what such things are made of."""
+    found = resolve(query.target, view)
+    guess = MATERIALS.get(view.things[found[0].index].name, "") if found else ""
+    if not guess:
+        return UNKNOWN
+    return stated(f"The {query.target.words} {be(query.target)} made of {guess}.", False, view, found[0], guess)
+
+
+def side(query: Query, view: View) -> Answer:
+    """Say on which side of another thing one is, as this view shows it."""
+    if not query.target.links:
+        return UNKNOWN
+    anchor = query.target.links[0].anchor
+    found = resolve(replace(query.target, links=()), view)
+    anchors = [m for m in resolve(anchor, view, 1) if not found or m.index != found[0].index]
+    if not found or not anchors:
+        return UNKNOWN
+    first, second = found[0].index, anchors[0].index
+    seen = "left" if left(view, first, second) else "right" if left(view, second, first) else ""
+    if not seen:
+        return UNKNOWN
+    sentence = f"The {query.target.words} {be(query.target)} on the {seen} of the {anchor.words}."
+    return stated(sentence, found[0].fit >= SURE, view, found[0], seen)
+
+
+def _check_state(target: Phrase, view: View) -> Answer:
+    found = resolve(replace(target, state=""), view)
+    seen = state_of(view, found[0].index, target.state) if found else None
+    if seen is None:
+        return UNKNOWN
+    word = "Yes" if seen.value == target.state else "No"
+    sentence = f"the {target.words} {be(target)} {seen.value}"
+    return verdict(word, sentence, seen.sure and found[0].fit >= SURE, view, found[0])
+
+
+def _check_color(query: Query, view: View) -> Answer:
+    target = query.target
+    found = resolve(replace(target, colors=tuple(c for c in target.colors if c not in query.said)), view)
+    if not found:
+        return UNKNOWN
+    seen = view.things[found[0].index].color
+    word = "Yes" if seen in query.said else "No"
+    doubtful = word == "No" and any(frozenset((seen, c)) in NEAR_COLORS for c in query.said)
+    sentence = f"the {target.words} {be(target)} {seen}"
+    return verdict(word, sentence, found[0].fit >= SURE and not doubtful, view, found[0])
+
+
+def _check_place(target: Phrase, view: View) -> Answer:
+    """The last relation is the one asked about; it is denied only where both things are seen."""
+    found = resolve(target, view)
+    if found and found[0].fit > HOLDS:
+        return verdict(
+            "Yes", f"the {target.words} {be(target)} {link_words(target)}", found[0].fit >= SURE, view, found[0]
+        )
+    asked = target.links[-1]
+    base = resolve(replace(target, links=target.links[:-1]), view)
+    if not base or not resolve(asked.anchor, view, 1):
+        return UNKNOWN
+    place = place_of(view, base[0].index)
+    words = place[0] if place else f"not {link_words(replace(target, links=(asked,)))}"
+    return verdict("No", f"the {target.words} {be(target)} {words}", base[0].fit >= SURE and bool(place), view, base[0])

@@ -1,0 +1,70 @@
+"""The answer of one view, and the few ways in which answers are made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from pipeline.models.symbolic.certainty import CANNOT_TELL, Certainty
+from pipeline.models.symbolic.perceive import View
+from pipeline.models.symbolic.phrases import Query
+from pipeline.models.symbolic.resolve import Match, prominence, resolve, room_of
+from pipeline.models.symbolic.sentences import hedged
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What one view says to a question."""
+
+    text: str
+    """The sentence."""
+    certainty: Certainty
+    """How sure it is."""
+    support: float = 0.0
+    """How well the view shows what the answer rests on: fit times prominence, 0 to 1."""
+    content: str = ""
+    """What was found, without the sentence around it: equal for answers that say the same."""
+    count: int | None = None
+    """Number found, for "how many"."""
+    measure: float | None = None
+    """Value by which "nearest" or "largest" orders what was found, smaller first."""
+    room: str = ""
+    """Room the thing was seen in, where that shows."""
+
+
+UNKNOWN = Answer(CANNOT_TELL, Certainty.UNKNOWN)
+
+
+def stated(sentence: str, sure: bool, view: View, match: Match, content: str) -> Answer:
+    """Return a sentence as a definite or a hedged answer.
+
+    Args:
+        sentence: What is said without a doubt.
+        sure: Whether there is none.
+        view: The view.
+        match: The thing it is said of.
+        content: What was found.
+    """
+    return Answer(
+        hedged(sentence, sure),
+        Certainty.DEFINITE if sure else Certainty.HEDGED,
+        match.fit * prominence(view.things[match.index]),
+        content,
+        measure=match.measure,
+        room=room_of(view, match.index),
+    )
+
+
+def verdict(word: str, sentence: str, sure: bool, view: View, match: Match) -> Answer:
+    """Return "Yes" or "No" and why, as a definite or a hedged answer."""
+    text = f"{word}, {sentence}." if sure else f"{word}, it looks like {sentence}."
+    answer = stated(text, True, view, match, word.lower())
+    return answer if sure else replace(answer, certainty=Certainty.HEDGED)
+
+
+def unseen(query: Query, view: View, sentence: str) -> Answer:
+    """Return that a thing is not seen, or that one cannot tell where its surroundings are not in view either."""
+    anchors = [end for link in query.target.links for end in (link.anchor, link.other) if end is not None]
+    found = [resolve(anchor, view, 1) for anchor in anchors]
+    if not all(found) or (query.target.room and room_of(view) != query.target.room):
+        return UNKNOWN
+    return Answer(sentence, Certainty.UNSEEN, sum(prominence(view.things[m[0].index]) for m in found), "no")

@@ -1,0 +1,47 @@
+"""The hot loops are vector code: what the compiler really emitted is read back."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from llvmlite import binding
+from numba import njit
+
+from pipeline.render import composite_kernels, dominance_kernels, passes
+from tests.render.scenes import camera, random_scene
+
+pytestmark = pytest.mark.skipif(
+    not binding.get_host_cpu_features().get("avx2", False), reason="this machine has no AVX2"
+)
+
+
+def _assembly(monkeypatch: pytest.MonkeyPatch, module, name: str, outputs: tuple[str, ...]) -> list[str]:
+    """Compile a kernel anew (a cached one has no assembly) on one real frame and return its instructions."""
+    fresh = njit(nogil=True, error_model="numpy")(getattr(module, name).py_func)
+    monkeypatch.setattr(passes, name, fresh)
+    from pipeline.render import render
+
+    render(random_scene(1, 50), camera(32, 32), outputs)
+    (text,) = fresh.inspect_asm().values()
+    return text.splitlines()
+
+
+@pytest.mark.parametrize(
+    ("module", "name", "outputs"),
+    [
+        (composite_kernels, "composite", ("color", "depth", "alpha")),
+        (dominance_kernels, "dominate", ("dominant",)),
+    ],
+)
+def test_blending_uses_whole_vectors(monkeypatch, module, name: str, outputs: tuple[str, ...]) -> None:
+    lines = _assembly(monkeypatch, module, name, outputs)
+    wide = [line for line in lines if re.search(r"\b[yz]mm\d", line)]
+    fused = [line for line in wide if "vfmadd" in line or "vfnmadd" in line]
+    scalar_fused = [line for line in lines if re.search(r"vfn?m(add|sub)\d+ss", line)]
+    # One loop body needs about 30 vector instructions, 10 of them fused.
+    assert len(wide) > 60
+    assert len(fused) >= 10
+    assert len(scalar_fused) < len(fused)
+    assert np.isfinite(len(lines))

@@ -1,0 +1,219 @@
+"""Storage: local paths and remote filesystems behave alike, and failures come as this project's errors."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pyarrow.fs
+import pytest
+
+from schemas import storage
+from schemas.errors import InputError, RetryError
+
+FAKE = "fake://bucket"
+
+
+@pytest.fixture
+def remote(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> pyarrow.fs.SubTreeFileSystem:
+    """A filesystem behind fake:// URIs: a folder that only pyarrow knows the place of."""
+    (tmp_path / "remote" / "bucket").mkdir(parents=True)
+    store = pyarrow.fs.SubTreeFileSystem(str(tmp_path / "remote"), pyarrow.fs.LocalFileSystem())
+
+    def lookup(uri: str) -> tuple[pyarrow.fs.FileSystem, str]:
+        assert str(uri).startswith("fake://"), f"{uri} went to the remote store"
+        return store, storage.unquote(str(uri).removeprefix("fake://"))
+
+    monkeypatch.setattr(storage, "filesystem", lookup)
+    return store
+
+
+@pytest.fixture(params=["path", "file uri", "remote"])
+def place(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    """A folder, as each kind of address."""
+    if request.param == "remote":
+        request.getfixturevalue("remote")
+        return FAKE
+    folder = tmp_path / "a folder"
+    folder.mkdir()
+    return str(folder) if request.param == "path" else folder.as_uri()
+
+
+class TestEveryPlace:
+    def test_written_bytes_read_back(self, place: str) -> None:
+        target = storage.join(place, "deep", "er", "x y.bin")
+        storage.write_bytes_atomic(target, b"one")
+        storage.write_bytes_atomic(target, b"two")
+        assert storage.read_bytes(target) == b"two"
+        assert storage.exists(target)
+        assert storage.exists(storage.join(place, "deep"))
+
+    def test_files_are_listed_sorted_and_nothing_temporary_is_left(self, place: str) -> None:
+        for name in ("b.txt", "a b.txt", "sub/c.txt"):
+            storage.write_bytes_atomic(storage.join(place, name), b"x")
+        assert storage.list_files(place) == ("a b.txt", "b.txt")
+        assert storage.list_files(place, recursive=True) == ("a b.txt", "b.txt", "sub/c.txt")
+        assert storage.list_files(storage.join(place, "sub")) == ("c.txt",)
+
+    def test_missing_things_are_absent_empty_or_an_input_error(self, place: str) -> None:
+        missing = storage.join(place, "no", "such")
+        assert not storage.exists(missing)
+        assert storage.list_files(missing) == ()
+        with pytest.raises(InputError, match="nothing there"):
+            storage.read_bytes(missing)
+        with pytest.raises(InputError), storage.local_copy(missing):
+            pass
+
+    def test_removed_file_is_gone_and_removing_nothing_is_fine(self, place: str) -> None:
+        target = storage.join(place, "sub", "x")
+        storage.remove(target)
+        storage.write_bytes_atomic(target, b"x")
+        storage.remove(target)
+        assert not storage.exists(target)
+
+    def test_local_copy_has_the_content_and_the_name(self, place: str) -> None:
+        target = storage.join(place, "x.bin")
+        storage.write_bytes_atomic(target, b"content")
+        with storage.local_copy(target) as path:
+            assert path.read_bytes() == b"content"
+            assert path.name == "x.bin"
+
+
+def test_local_copy_of_a_local_file_is_the_file(tmp_path: Path) -> None:
+    (tmp_path / "x").write_bytes(b"1")
+    with storage.local_copy(str(tmp_path / "x")) as path:
+        assert path == tmp_path / "x"
+
+
+def test_local_copy_of_a_remote_file_is_removed_afterwards(remote: pyarrow.fs.FileSystem) -> None:
+    storage.write_bytes_atomic(f"{FAKE}/x", b"1")
+    with storage.local_copy(f"{FAKE}/x") as path:
+        assert path.exists()
+    assert not path.exists()
+
+
+@pytest.mark.parametrize(
+    ("base", "names", "expected"),
+    [
+        ("/data/run", ("t", "p.parquet"), "/data/run/t/p.parquet"),
+        ("run", ("t",), "run/t"),
+        ("s3://b/run/", ("t", "a b.json"), "s3://b/run/t/a%20b.json"),
+        ("s3://b/run?region=eu", ("sub/x",), "s3://b/run/sub/x?region=eu"),
+        ("gs://b", ("x",), "gs://b/x"),
+        ("hdfs:///a/", ("x", "y"), "hdfs:///a/x/y"),
+        ("file:///a", ("x y",), "file:///a/x%20y"),
+    ],
+)
+def test_join_keeps_the_kind_of_address(base: str, names: tuple[str, ...], expected: str) -> None:
+    assert storage.join(base, *names) == expected
+
+
+@pytest.mark.parametrize(
+    ("uri", "expected"),
+    [("/a/b", "/a/b"), ("a", "a"), ("file:///a/x%20y", "/a/x y"), ("s3://b/k", None), ("C:/scenes", "C:/scenes")],
+)
+def test_local_path_knows_local_addresses(uri: str, expected: str | None) -> None:
+    path = storage.local_path(uri)
+    assert (None if path is None else path.as_posix()) == expected
+
+
+def test_name_of_is_the_last_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert storage.name_of("s3://b/scenes/flat%201/") == "flat 1"
+    assert storage.name_of("/a/flat/") == "flat"
+    monkeypatch.chdir(tmp_path)
+    assert storage.name_of(".") == tmp_path.name
+
+
+@pytest.mark.parametrize(
+    ("uri", "inner"),
+    [
+        ("s3://bucket/a%20b/c?region=us-east-1", "bucket/a b/c"),
+        ("s3://bucket?region=us-east-1", "bucket"),
+        ("gs://anonymous@bucket/x", "bucket/x"),
+        ("mock:///a/b", "a/b"),
+    ],
+)
+def test_filesystem_gives_the_path_within_the_store_and_is_made_once(uri: str, inner: str) -> None:
+    store, path = storage.filesystem(uri)
+    assert path.rstrip("/") == inner
+    assert storage.filesystem(uri)[0] is store
+
+
+def test_a_store_of_pyarrow_itself_holds_what_was_written() -> None:
+    storage.write_bytes_atomic("mock:///run/part", b"1")
+    assert storage.read_bytes("mock:///run/part") == b"1"
+    assert storage.list_files("mock:///run") == ("part",)
+
+
+def test_unknown_scheme_is_an_input_error() -> None:
+    with pytest.raises(InputError, match="expected a path or a URI"):
+        storage.read_bytes("teleport://bucket/x")
+
+
+def test_folder_in_place_of_a_file_is_an_input_error(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="directory"):
+        storage.read_bytes(str(tmp_path))
+    with pytest.raises(InputError):
+        storage.write_bytes_atomic(str(tmp_path), b"x")
+    assert list(tmp_path.parent.glob(".*.tmp")) == []
+
+
+def test_file_in_place_of_a_folder_is_an_input_error(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError):
+        storage.write_bytes_atomic(str(tmp_path / "file" / "x"), b"x")
+
+
+def test_remote_failure_is_a_retry_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Broken:
+        def open_input_stream(self, path: str) -> None:
+            raise OSError("AWS Error NETWORK_CONNECTION during GetObject")
+
+    monkeypatch.setattr(storage, "filesystem", lambda uri: (Broken(), "x"))
+    with pytest.raises(RetryError, match="NETWORK_CONNECTION"):
+        storage.read_bytes("s3://b/x")
+
+
+def test_failed_local_write_keeps_the_old_content(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    target = tmp_path / "x"
+    storage.write_bytes_atomic(str(target), b"old")
+
+    def full(fd: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(InputError, match="No space left"):
+        storage.write_bytes_atomic(str(target), b"new")
+    assert target.read_bytes() == b"old"
+    assert [path.name for path in tmp_path.iterdir()] == ["x"]
+
+
+def test_object_stores_are_written_without_a_rename(monkeypatch: pytest.MonkeyPatch) -> None:
+    store = pyarrow.fs._MockFileSystem()
+    store.create_dir("bucket")
+    opened = []
+
+    class AtomicStore:
+        type_name = "s3"
+
+        def open_output_stream(self, path: str) -> pyarrow.NativeFile:
+            opened.append(path)
+            return store.open_output_stream(path)
+
+    monkeypatch.setattr(storage, "filesystem", lambda uri: (AtomicStore(), "bucket/x"))
+    storage.write_bytes_atomic("s3://bucket/x", b"data")
+    assert opened == ["bucket/x"]
+    with store.open_input_stream("bucket/x") as stream:
+        assert stream.read() == b"data"
+
+
+def test_reading_a_local_file_imports_no_pyarrow(tmp_path: Path) -> None:
+    import subprocess
+    import sys
+
+    (tmp_path / "x").write_bytes(b"1")
+    read = f"from schemas.storage import read_bytes; read_bytes({str(tmp_path / 'x')!r})"
+    code = f"import sys; {read}; print('pyarrow' in sys.modules)"
+    root = Path(storage.__file__).parent.parent
+    out = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True).stdout
+    assert out.strip() == "False"
