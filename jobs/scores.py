@@ -13,7 +13,7 @@ from jaxtyping import Float64
 
 from pipeline.metrics.accuracy import accuracy_at
 from pipeline.metrics.llm_match import match_score
-from pipeline.metrics.significance import bootstrap_interval, permutation_p
+from pipeline.metrics.significance import Interval, bootstrap_interval, permutation_p
 from schemas.answers import Status
 from schemas.errors import InputError
 from schemas.questions import TASKS
@@ -115,7 +115,7 @@ def summarise(scores: pd.DataFrame, by: Sequence[str], options: Options) -> pd.D
     for key, group in _groups(scores, [*by, "metric"]):
         values = group["score"].to_numpy(np.float64)
         possible = int(group["has_reference"].sum())
-        counts = {str(status): int((group["status"] == status).sum()) for status in STATUSES}
+        statuses = group["status"].tolist()
         found.append(
             {
                 **dict(zip([*by, "metric"], key, strict=True)),
@@ -123,7 +123,7 @@ def summarise(scores: pd.DataFrame, by: Sequence[str], options: Options) -> pd.D
                 "scored": int(np.isfinite(values).sum()),
                 "mean_zero": float(np.nansum(values)) / possible if possible and key[-1] != "frames" else None,
                 "questions": len(group),
-                **counts,
+                **{str(status): statuses.count(status) for status in STATUSES},
                 "no_reference": len(group) - possible,
             }
         )
@@ -177,17 +177,15 @@ def _ends(
     """The mean of the finite values, its interval over scenes and questions, and the one over questions alone."""
     scored = np.isfinite(values)
     names = scenes.to_numpy(object)[scored].tolist()
-    clustered, plain = (
-        bootstrap_interval(
-            values[scored],
-            names,
-            _rng(options.seed, (*key, by_scene)),
-            by_scene=by_scene,
-            level=options.level,
-            resamples=options.resamples,
+
+    def draw(by_scene: bool) -> Interval:
+        rng = _rng(options.seed, (*key, by_scene))
+        return bootstrap_interval(
+            values[scored], names, rng, by_scene=by_scene, level=options.level, resamples=options.resamples
         )
-        for by_scene in (True, False)
-    )
+
+    plain = draw(by_scene=False)
+    clustered = draw(by_scene=True) if len(set(names)) > 1 else plain
     ends = (
         clustered.mean,
         clustered.low,

@@ -21,7 +21,7 @@
     }
     return element;
   };
-  const percent = (share) => (share === null ? "–" : `${(100 * share).toFixed(1)} %`);
+  const percent = (share) => (share === null ? "–" : `${(100 * share).toFixed(1)}\u00a0%`);
   const orDash = (value) => (value === null || value === "" ? "–" : String(value));
 
   const terms = (pairs) =>

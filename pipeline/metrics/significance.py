@@ -142,11 +142,13 @@ def _draw_means(
     groups: Sequence[Float[np.ndarray, "_"]], rng: np.random.Generator, resamples: int
 ) -> Float[np.ndarray, "resamples"]:
     """Means of `resamples` draws: as many groups as there are, with replacement, and then their values likewise."""
-    drawn = rng.integers(0, len(groups), (resamples, len(groups)))
+    scenes = len(groups)
+    drawn = rng.integers(0, scenes, (resamples, scenes)) + np.arange(resamples)[:, None] * scenes
+    times = np.bincount(drawn.ravel(), minlength=resamples * scenes).reshape(resamples, scenes)
     total = np.zeros(resamples)
     count = np.zeros(resamples)
     for index, group in enumerate(groups):
-        draw, _ = np.nonzero(drawn == index)
+        draw = np.repeat(np.arange(resamples), times[:, index])
         rows = max(1, CHUNK // len(group))
         for start in range(0, len(draw), rows):
             part = draw[start : start + rows]

@@ -168,7 +168,7 @@ class EndpointClient:
             text = _text(message.get("content"))
             usage = data.get("usage") or {}
             tokens = [int(usage.get(field) or 0) for field in ("prompt_tokens", "completion_tokens")]
-            model = str(data.get("model") or self._config.model)
+            model = _text(data.get("model") or self._config.model)
         except (KeyError, IndexError, TypeError, AttributeError, ValueError):
             raise RetryError(self._clean(f"the reply is no chat completion: {content[:80]!r}")) from None
         if message.get("refusal"):
@@ -225,14 +225,12 @@ def _url(part: ImagePart, config: ImageConfig) -> dict[str, str]:
 
 
 def _text(content: object) -> str:
-    """Servers send null, a text, or a list of parts."""
-    if content is None:
-        return ""
-    if isinstance(content, str):
-        return content
+    """Servers send null, a text, or a list of parts. Half a surrogate pair, which no table can hold, becomes "?"."""
     if isinstance(content, list):
-        return "".join(str(part["text"]) for part in content if part.get("type") == "text")
-    raise TypeError("content is neither text nor parts")
+        content = "".join(str(part["text"]) for part in content if part.get("type") == "text")
+    if not isinstance(content, str | None):
+        raise TypeError("content is neither text nor parts")
+    return (content or "").encode("utf-8", "replace").decode("utf-8")
 
 
 def _message(body: object) -> str:

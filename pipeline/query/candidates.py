@@ -38,7 +38,7 @@ class ImageConfig(BaseModel):
         description="render: an initial view is rendered like the others. photo: its photograph where there is one.",
     )
     near_m: float = Field(default=0.2, gt=0, description="Near plane, metres.")
-    cache_mb: int = Field(default=512, ge=0, description="Pictures kept for later questions on the scene, megabytes.")
+    cache_mb: int = Field(default=256, ge=0, description="Pictures kept for later questions on the scene, megabytes.")
 
 
 @dataclass(frozen=True, slots=True)

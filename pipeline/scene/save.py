@@ -20,7 +20,8 @@ def save_scene(scene: Scene, path: str, objects: Sequence[SceneObject] = ()) -> 
     """Write a scene folder: gaussians.ply, transforms.json, semantics.parquet, objects.json and scene.json.
 
     Every file is written atomically and scene.json last, so a folder that has one is whole; files of a scene saved
-    there before are replaced or removed. Photographs are referred to, not copied. Gaussians and semantics come back bit for bit; poses to float64 rounding.
+    there before are replaced or removed. Photographs are referred to, not copied. Gaussians and semantics come back
+    bit for bit; poses to float64 rounding.
 
     Args:
         scene: The scene.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
-from pipeline.scene.formats import SUFFIXES
+from pipeline.scene.formats.read import SUFFIXES
 from schemas.errors import InputError
 from schemas.storage import exists, join, list_files, name_of, read_bytes
 

@@ -42,7 +42,7 @@ def synthetic_rows(questions: int = 60, seed: int = 0) -> dict[str, list[Any]]:
 
 
 def write_run(folder: Path, questions: int = 60, seed: int = 0, *, committed: int | None = None) -> str:
-    """Write the rows as a run folder with thumbnails and return its path.
+    """Write the rows as a run folder, with thumbnails of the first questions, and return its path.
 
     Args:
         folder: Where.
@@ -73,8 +73,9 @@ def write_run(folder: Path, questions: int = 60, seed: int = 0, *, committed: in
             "commit": "0123456789abcdef",
         }
     )
+    pictured = {question.question_id for question in rows["questions"][:12]}
     for candidate in rows["candidates"]:
-        if candidate.move != "backward":
+        if candidate.move != "backward" and candidate.question_id in pictured:
             _picture(folder / image_name(candidate.scene, candidate.candidate, candidate.world_to_camera))
     return run.root
 

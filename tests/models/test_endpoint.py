@@ -154,7 +154,13 @@ def test_complete_sends_images_as_data_uris_of_bounded_side(server: Server, form
 
 @pytest.mark.parametrize(
     ("content", "text"),
-    [(None, ""), ("", ""), ([{"type": "text", "text": "a"}, {"type": "x"}, {"type": "text", "text": "b"}], "ab")],
+    [
+        (None, ""),
+        ("", ""),
+        ("grün 青", "grün 青"),
+        ("half \ud83d a pair", "half ? a pair"),
+        ([{"type": "text", "text": "a"}, {"type": "x"}, {"type": "text", "text": "b"}], "ab"),
+    ],
 )
 def test_complete_reads_every_form_of_content(server: Server, content: Any, text: str) -> None:
     server.respond = lambda handler: handler.send(200, completion(content))

@@ -54,8 +54,8 @@ class Furnisher:
 def build_home() -> tuple[SceneObject, ...]:
     """Return the objects of four rooms; what stands on, in, under and behind what is stated."""
     f = Furnisher()
-    f.add("", "floor", "brown", (4, 4, -0.1), (8, 8, 0.1))
-    f.add("", "wall", "white", (4, 4, 0), (0.1, 8, 2.6))
+    f.add("", "floor", "brown", (4.0, 4.0, -0.1), (8.0, 8.0, 0.1))
+    f.add("", "wall", "white", (4.0, 4.0, 0.0), (0.1, 8.0, 2.6))
 
     bed = f.add("bedroom", "bed", "blue", (1.2, 2.9, 0), (1.6, 2.0, 0.6))
     f.add("bedroom", "pillow", "white", (0.9, 3.6, 0.55), (0.5, 0.3, 0.15), (), bed, "on")

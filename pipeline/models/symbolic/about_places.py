@@ -8,7 +8,7 @@ from pipeline.models.symbolic.answer import UNKNOWN, Answer, stated, unseen, ver
 from pipeline.models.symbolic.certainty import Certainty
 from pipeline.models.symbolic.knowledge import STRUCTURE
 from pipeline.models.symbolic.perceive import View
-from pipeline.models.symbolic.phrases import Query
+from pipeline.models.symbolic.phrases import Phrase, Query
 from pipeline.models.symbolic.resolve import SURE, Match, resolve, room_of, room_signs
 from pipeline.models.symbolic.sentences import be, hedged, place_of, spaced
 from pipeline.models.symbolic.uses import purpose_of, useful_names
@@ -67,11 +67,10 @@ def same_room(query: Query, view: View) -> Answer:
 
 def use(query: Query, view: View) -> Answer:
     """Name the most useful thing in view, and for "where" its room."""
-    target = query.target
+    # What is to be done may name things too ("wash my hands in warm water"); only places in the scene narrow it down.
+    links = tuple(link for link in query.target.links if link.anchor.named)
     for rank, name in enumerate(useful_names(query.words)):
-        phrase = replace(
-            target, words=name, exact=frozenset({name}), kinds=frozenset(), colors=(), state="", plural=False
-        )
+        phrase = Phrase(name, frozenset({name}), room=query.target.room, links=links)
         found = [m for m in resolve(phrase, view) if m.fit > FITS]
         if not found or name in STRUCTURE:
             continue

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from pipeline.models.symbolic.about_things import exists
 from pipeline.models.symbolic.answer import UNKNOWN, Answer, stated, verdict
 from pipeline.models.symbolic.knowledge import MATERIALS
 from pipeline.models.symbolic.lexicon import NEAR_COLORS
 from pipeline.models.symbolic.perceive import View
 from pipeline.models.symbolic.phrases import Phrase, Query
-from pipeline.models.symbolic.relations import gap_m, left
+from pipeline.models.symbolic.relations import DEGREES, gap_m
 from pipeline.models.symbolic.resolve import SURE, extent, resolve
-from pipeline.models.symbolic.sentences import be, link_words, place_of
+from pipeline.models.symbolic.sentences import be, link_words, named, place_of
 from pipeline.models.symbolic.states import state_of
 
 HOLDS = 0.6
 """Fit from which what is said of a thing holds."""
+PLAINLY_ASIDE = 0.25
+"""Sine of the angle off the line of sight from which on a thing is to one's left or right."""
 CLEARLY_DIFFERENT = 0.15
 """Two measures closer than this share of the larger are too close to call for sure."""
 
@@ -58,7 +62,7 @@ def compare(query: Query, view: View) -> Answer:
     phrase = query.options[best]
     found = [resolve(replace(option, links=()), view) for option in query.options]
     whole = all(f[0].fit >= SURE and not view.things[f[0].index].cut for f in found)
-    return stated(f"The {phrase.words}.", whole and clearly(values[best], rest), view, found[best][0], phrase.words)
+    return stated(f"The {named(phrase)}.", whole and clearly(values[best], rest), view, found[best][0], phrase.words)
 
 
 def option_measure(query: Query, option: Phrase, view: View) -> float | None:
@@ -91,20 +95,40 @@ def material(query: Query, view: View) -> Answer:
 
 
 def side(query: Query, view: View) -> Answer:
-    """Say on which side of another thing one is, as this view shows it."""
-    if not query.target.links:
-        return UNKNOWN
-    anchor = query.target.links[0].anchor
-    found = resolve(replace(query.target, links=()), view)
-    anchors = [m for m in resolve(anchor, view, 1) if not found or m.index != found[0].index]
-    if not found or not anchors:
+    """Choose between two opposite relations of a thing to another, as this view shows them.
+
+    With a third thing given, left and right are those of someone at the second who faces the third.
+    """
+    anchor = query.reference
+    found = resolve(query.target, view)
+    anchors = [m for m in resolve(anchor, view, 1) if m.index != found[0].index] if anchor and found else []
+    if anchor is None or not anchors:
         return UNKNOWN
     first, second = found[0].index, anchors[0].index
-    seen = "left" if left(view, first, second) else "right" if left(view, second, first) else ""
+    pair = ("in front of", "behind") if query.measure == "in front of behind" else tuple(query.measure.split())
+    faced = [m for m in resolve(query.options[0], view, 1) if m.index != first] if query.options else []
+    if query.options:
+        if not faced or pair != ("left", "right"):
+            return UNKNOWN
+        seen = _side_of_someone(view, second, faced[0].index, first)
+    else:
+        seen = next((relation for relation in pair if DEGREES[relation](view, first, second) >= HOLDS), "")
     if not seen:
         return UNKNOWN
-    sentence = f"The {query.target.words} {be(query.target)} on the {seen} of the {anchor.words}."
-    return stated(sentence, found[0].fit >= SURE, view, found[0], seen)
+    sure = found[0].fit >= SURE and anchors[0].fit >= SURE and not query.options
+    place = f"on the {seen} of" if seen in ("left", "right") else seen
+    sentence = f"The {query.target.words} {be(query.target)} {place} the {anchor.words}."
+    return stated(sentence, sure, view, found[0], seen)
+
+
+def _side_of_someone(view: View, at: int, facing: int, thing: int) -> str:
+    """Return on which side of someone at one thing, who faces another, a third is; "" where it is nearly ahead."""
+    origin = view.things[at].middle[[0, 2]]
+    ahead, toward = view.things[facing].middle[[0, 2]] - origin, view.things[thing].middle[[0, 2]] - origin
+    across = float(toward[0] * ahead[1] - toward[1] * ahead[0])
+    if abs(across) < PLAINLY_ASIDE * float(np.linalg.norm(ahead) * np.linalg.norm(toward)):
+        return ""
+    return "right" if across > 0 else "left"
 
 
 def _check_state(target: Phrase, view: View) -> Answer:

@@ -11,7 +11,7 @@ from pipeline.models.symbolic.certainty import Certainty
 from pipeline.models.symbolic.perceive import View
 from pipeline.models.symbolic.phrases import Query
 from pipeline.models.symbolic.resolve import candidates, prominence, resolve, room_of
-from pipeline.models.symbolic.sentences import hedged, plural
+from pipeline.models.symbolic.sentences import hedged, named, plural
 from pipeline.models.symbolic.words import number_word, singular
 
 FITS = 0.55
@@ -97,7 +97,7 @@ def _compared(query: Query, views: Sequence[View]) -> tuple[int, str] | None:
         return None
     best = min(range(len(taken)), key=lambda i: (taken[i][0], i))
     rest = min(value for i, (value, _) in enumerate(taken) if i != best)
-    return taken[best][1], hedged(f"The {query.options[best].words}.", clearly(taken[best][0], rest))
+    return taken[best][1], hedged(f"The {named(query.options[best])}.", clearly(taken[best][0], rest))
 
 
 def _rooms(query: Query, views: Sequence[View]) -> tuple[int, str] | None:

@@ -38,6 +38,10 @@ def _mark(question: str, reference: str, prediction: str) -> int:
         return _mark_verdict(asked, wanted, given)
     if wanted.numbers:
         return _mark_numbers(asked, wanted, given)
+    if wanted.words and wanted.words <= asked.words:
+        # A choice among what the question offers: "the blue couch" is also named by "the couch".
+        chosen = given.words & asked.words
+        return SAME if chosen and chosen <= wanted.words and not given.words - asked.words - wanted.words else WRONG
     if wanted.colors and not wanted.words - wanted.colors - asked.words:
         return _mark_sets(wanted.colors, given.colors)
     if wanted.states and wanted.states & opposite_of(given.states):

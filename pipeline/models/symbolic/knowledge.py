@@ -30,10 +30,19 @@ DOORS = frozenset(listed_in("door, closet door, bathroom stall door, shower door
 CASES = frozenset(
     listed_in(
         "cabinet, kitchen cabinet, bathroom cabinet, file cabinet, wardrobe, closet, refrigerator, mini fridge, oven, "
-        "microwave, dishwasher, washing machine, dresser, drawer, box, suitcase, chest"
+        "microwave, dishwasher, washing machine, dresser, drawer"
     )
 )
 """Things with a front that opens."""
+VESSELS = frozenset(
+    listed_in(
+        "box, suitcase, chest, trash can, trash bin, bin, recycling bin, basket, laundry basket, laundry hamper, "
+        "crate, bucket, storage bin, storage container, paper bag"
+    )
+)
+"""Things that open at the top."""
+OPENING = DOORS | CASES | VESSELS
+CURTAINS = frozenset(listed_in("curtain, blinds, shower curtain"))
 
 ROOM_SIGNS: dict[str, frozenset[str]] = {
     room: frozenset(listed_in(signs))

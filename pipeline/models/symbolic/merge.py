@@ -48,7 +48,8 @@ def merge_parts(
             gap = np.maximum(0.0, np.maximum(low[first] - high[second], low[second] - high[first]))
             upright = _one_upright_thing(low[np.array([first, second])], high[np.array([first, second])], gap)
             if upright or (
-                np.linalg.norm(gap) <= HIDDEN_GAP_M and _cut_by_something_nearer(parts, depth_m, first, int(second))
+                np.linalg.norm(gap) <= HIDDEN_GAP_M
+                and _cut_by_something_nearer(parts, depth_m, int(first), int(second))
             ):
                 old, new = max(owner[first], owner[second]), min(owner[first], owner[second])
                 owner[owner == old] = new

@@ -14,6 +14,7 @@ from functools import lru_cache
 from pipeline.models.symbolic.lexicon import nouns_of
 from pipeline.models.symbolic.phrases import NOTHING, Kind, Link, Phrase, Query
 from pipeline.models.symbolic.tagging import Token, tag
+from pipeline.models.symbolic.uses import useful_names
 
 _BE = frozenset({"is", "are", "was", "were", "be", "am", "being", "been"})
 _ASK = frozenset({"what", "which", "whats"})
@@ -26,7 +27,16 @@ _FIND = frozenset(
 )
 """Verbs with which "where" asks for a place even when somebody does something."""
 _PERSON = frozenset({"i", "we", "you", "one", "someone", "somebody", "me", "my", "us", "they"})
+_PAIRS = {
+    "left right": ({"left"}, {"right"}),
+    "above under": ({"above", "over", "higher"}, {"below", "under", "beneath", "underneath", "lower"}),
+    "in front of behind": ({"front"}, {"behind"}),
+    "on under": ({"on"}, {"under", "below", "beneath", "underneath"}),
+}
+"""Relations one is asked to choose from, and the words for each."""
 _SOMETHING = frozenset({"something", "anything", "somewhere", "anywhere", "place", "way"})
+_LOOKING = frozenset({"where", "check", "exists", "identify", "unknown"})
+"""Kinds of question that, about something the vocabulary has no name for, may be about what serves a purpose."""
 _MAX_DEPTH = 6
 """Longest chain of relations that is followed."""
 
@@ -45,6 +55,7 @@ class _Draft:
     plural: bool = False
     room: str = ""
     links: list[tuple[str, list[_Draft]]] = field(default_factory=list)
+    at: int = 0
 
     def freeze(self, depth: int = 0) -> Phrase:
         links = [] if depth >= _MAX_DEPTH else self.links
@@ -94,7 +105,13 @@ def parse_question(question: str, vocabulary: tuple[str, ...]) -> Query:
     words = tuple(word for group in groups if group.tag != "pause" for word in group.text.split())
     kind, measure = _kind(words, groups)
     reading = _read(groups)
-    return _query(kind, measure, reading, words)
+    verbs = [i for i, group in enumerate(groups) if group.text in _AUXILIARY]
+    if kind == "check" and "or" in words and len(set(reading.free_colors)) > 1:
+        kind, measure = "color", "choose"
+    query = _query(kind, measure, reading, words, verbs[-1] if verbs else -1)
+    if query.kind in _LOOKING and query.target.words and not query.target.named and useful_names(words):
+        return replace(query, kind="use", measure="can" if query.kind in ("check", "exists") else query.measure)
+    return query
 
 
 def _kind(words: tuple[str, ...], groups: Sequence[Token]) -> tuple[Kind, str]:
@@ -117,11 +134,9 @@ def _kind(words: tuple[str, ...], groups: Sequence[Token]) -> tuple[Kind, str]:
         return "material", ""
     if "room" in has and ("what room" in text or "which room" in text):
         return "room", ""
-    if any(
-        ask in text for ask in ("which side", "what side", "left or right", "left or the right", "left or to the right")
-    ):
-        return "side", ""
-    if "same room" in text:
+    if side := _side(words):
+        return "side", side
+    if "same room" in text or "one room" in text:
         return "same room", ""
     if "used for" in text or "purpose of" in text or "function of" in text:
         return "purpose", ""
@@ -133,6 +148,12 @@ def _kind(words: tuple[str, ...], groups: Sequence[Token]) -> tuple[Kind, str]:
     if first == "where" or (first in _AUXILIARY and "where" in has):
         return ("use", "where") if _for_somebody(words, _FIND | {"know", "tell"}) else ("where", "")
     if first in _ASK and _for_somebody(words, frozenset({"find", "see"})):
+        return "use", ""
+    if "have you seen" in text or "did you see" in text:
+        return "where", ""
+    if "is it possible" in text or "would it be possible" in text:
+        return "use", "can"
+    if first in _ASK and "there to" in text:
         return "use", ""
     if text.startswith("i mean") or "looking for" in text or "look for the" in text:
         return "describe", ""
@@ -148,8 +169,6 @@ def _kind(words: tuple[str, ...], groups: Sequence[Token]) -> tuple[Kind, str]:
         return "describe", ""
     if first in _AUXILIARY and "to" in has and has & _SOMETHING:
         return "use", "can"
-    if first in {"would", "do"} and "or" in has and sum(g.tag == "color" for g in groups) > 1:
-        return "color", "choose"
     if text.startswith(("is there", "are there", "do you see", "can you see", "can i see", "is any", "are any")) or (
         "does" in has and "have" in has
     ):
@@ -159,6 +178,20 @@ def _kind(words: tuple[str, ...], groups: Sequence[Token]) -> tuple[Kind, str]:
     if first in _AUXILIARY:
         return "check", ""
     return "describe", ""
+
+
+def _side(words: tuple[str, ...]) -> str:
+    """Return the pair of relations a question lets one choose from: "left or right", "above or below"."""
+    text = " ".join(words)
+    if "which side" in text or "what side" in text:
+        return "left right"
+    if "or" not in words:
+        return ""
+    before, after = set(words[: words.index("or")]), set(words[words.index("or") :])
+    for pair, (first, second) in _PAIRS.items():
+        if (before & first and after & second) or (before & second and after & first):
+            return pair
+    return ""
 
 
 def _opening(groups: Sequence[Token]) -> list[str]:
@@ -258,7 +291,7 @@ def _read(groups: Sequence[Token]) -> _Reading:
             if subject is not None and group.tag == "any" and group.text in ("one", "ones", "it"):
                 continue
             draft = pending
-            draft.plural = group.plural
+            draft.plural, draft.at = group.plural, index
             if group.tag == "noun":
                 draft.words, draft.exact, draft.kinds = group.text, group.exact, group.kinds
             pending = _Draft()
@@ -341,6 +374,21 @@ def _merged(subject: _Draft | None, draft: _Draft, reading: _Reading) -> _Draft:
     return draft
 
 
+def _sides(things: Sequence[_Draft], asked_at: int) -> tuple[Phrase, Phrase | None, tuple[Phrase, ...]]:
+    """Return what is placed, what it is placed by, and what is faced from there.
+
+    What is placed is named after the verb that asks: "is the lamp left or right of the bed", "which side of the bed is
+    the lamp on", "when you face the bed, is the lamp on its left", "I am at the bed, looking toward the door: is ...".
+    """
+    named = [draft for draft in {id(draft): draft for draft in things}.values() if draft.words]
+    after = [draft for draft in named if draft.at > asked_at]
+    if not after:
+        return NOTHING, None, ()
+    rest = [draft for draft in named if draft is not after[0]]
+    plain = [replace(draft.freeze(), state="", links=()) for draft in (after[0], *rest)]
+    return plain[0], plain[1] if len(plain) > 1 else None, tuple(plain[2:3])
+
+
 def _settle(pending: _Draft, thing: _Draft | None, reading: _Reading) -> None:
     """Give colours and sizes said after a verb to the thing they are said of."""
     reading.free_colors += pending.colors
@@ -349,7 +397,7 @@ def _settle(pending: _Draft, thing: _Draft | None, reading: _Reading) -> None:
         thing.sizes += pending.sizes
 
 
-def _query(kind: Kind, measure: str, reading: _Reading, words: tuple[str, ...]) -> Query:
+def _query(kind: Kind, measure: str, reading: _Reading, words: tuple[str, ...], asked_at: int) -> Query:
     things = reading.things
     if reading.states and things and not things[0].state and kind not in ("state",):
         things[0].state = reading.states[0]
@@ -361,13 +409,7 @@ def _query(kind: Kind, measure: str, reading: _Reading, words: tuple[str, ...]) 
         named = [draft for draft in things if draft.words]
         target = replace(named[0].freeze(), links=()) if named and not things[0].words else target
     if kind == "side":
-        # Both "which side of the bed is the lamp on" and "is the lamp left or right of the bed" name two things.
-        named = list({id(draft): draft for draft in things if draft.words}.values())
-        if len(named) > 1:
-            thing, anchor = (named[1], named[0]) if "side" in words else (named[0], named[1])
-            target = replace(
-                thing.freeze(), state="", links=(Link("near", replace(anchor.freeze(), state="", links=())),)
-            )
+        target, reference, options = _sides(things, asked_at)
     if kind == "same room":
         named = list({id(draft): draft for draft in things if draft.words}.values())
         target = named[0].freeze() if named else target

@@ -7,15 +7,16 @@ a box is the box of what is seen, never of the whole object.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from jaxtyping import Float, Int64
+from jaxtyping import Bool, Float, Int64
 
 from pipeline.models.messages import ImagePart
 from pipeline.models.symbolic.components import Parts, find_parts, jump_limit
-from pipeline.models.symbolic.knowledge import STRUCTURE
+from pipeline.models.symbolic.knowledge import DOORS, OPENING, STRUCTURE
 from pipeline.models.symbolic.merge import merge_parts
+from pipeline.models.symbolic.shapes import free_edges, hollow
 from pipeline.scene.color_names import COLOR_NAMES, name_colors
 
 PATCH_SHARE = 1 / 24**2
@@ -56,16 +57,18 @@ class Thing:
     """Next most frequent name where it is common too, else empty."""
     bright: float
     """Mean brightness, 0 to 1."""
+    peak: float
+    """Brightness that only its brightest 2 % exceed."""
     low: Float[np.ndarray, "3"]
     """Lower corner of its visible box: right, up, forward, metres."""
     high: Float[np.ndarray, "3"]
     """Upper corner."""
     distance: float
     """Median distance from the camera, metres."""
-    flatness: float
-    """How far its visible points stray from one vertical plane, metres (root mean square)."""
-    facing: float
-    """Direction of that plane in the horizontal, radians in 0 to pi; 0 is across the view."""
+    free_edges: tuple[float, ...] = ()
+    """Of a door: see `shapes.free_edges`; empty for other things."""
+    hollow: float = 0.0
+    """Of a thing that opens: see `shapes.hollow`; 0 for other things."""
 
     @property
     def middle(self) -> Float[np.ndarray, "3"]:
@@ -125,10 +128,12 @@ def perceive(image: ImagePart) -> View:
             (low[members].min(axis=0), high[members].max(axis=0)),
             points[samples],
             names[samples],
-            float(bright[samples].mean()),
+            bright[samples],
             depth.shape,
         )
         if thing is not None:
+            if thing.name in OPENING:
+                thing = _shaped(thing, np.isin(parts.labels, members), depth, parts.bounds[members])
             things.append((thing, int(first)))
     things.sort(key=lambda pair: (-pair[0].share, pair[1]))
     index_of_part = np.full(len(owner) + 1, -1)
@@ -173,7 +178,7 @@ def _thing(
     box: tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]],
     points: Float[np.ndarray, "S 3"],
     colors: Int64[np.ndarray, "S"],
-    bright: float,
+    bright: Float[np.ndarray, "S"],
     shape: tuple[int, ...],
 ) -> Thing | None:
     height, width = shape
@@ -186,7 +191,6 @@ def _thing(
     counts = np.bincount(colors, minlength=len(COLOR_NAMES))
     order = np.argsort(-counts, kind="stable")
     second = COLOR_NAMES[int(order[1])] if counts[order[1]] >= 0.3 * len(colors) else ""
-    flatness, facing = _upright_plane(points)
     return Thing(
         name=name,
         share=share,
@@ -195,21 +199,24 @@ def _thing(
         clear=share >= CLEAR_SHARE * needed,
         color=COLOR_NAMES[int(order[0])],
         second_color=second,
-        bright=bright,
+        bright=float(bright.mean()),
+        peak=float(np.partition(bright, at := int(0.98 * (len(bright) - 1)))[at]),
         low=box[0],
         high=box[1],
         distance=float(np.sqrt(np.partition((points**2).sum(axis=1), len(points) // 2)[len(points) // 2])),
-        flatness=flatness,
-        facing=facing,
     )
 
 
-def _upright_plane(points: Float[np.ndarray, "S 3"]) -> tuple[float, float]:
-    """Fit a line to the points seen from above: the spread off it and its direction."""
-    flat = points[:, [0, 2]] - points[:, [0, 2]].mean(axis=0)
-    (xx, xy), (_, yy) = flat.T @ flat / len(flat)
-    spread = 0.5 * (xx + yy) - np.hypot(0.5 * (xx - yy), xy)
-    return float(np.sqrt(max(spread, 0.0))), float(0.5 * np.arctan2(2 * xy, xx - yy) % np.pi)
+def _shaped(
+    thing: Thing, mask: Bool[np.ndarray, "H W"], depth: Float[np.ndarray, "H W"], bounds: Int64[np.ndarray, "G 4"]
+) -> Thing:
+    """Add what outline and depth tell of a thing that can stand open."""
+    left, top = np.maximum(0, bounds[:, :2].min(axis=0) - 1)
+    right, bottom = bounds[:, 2:].max(axis=0) + 2
+    mask, depth = mask[top:bottom, left:right], depth[top:bottom, left:right]
+    if thing.name in DOORS:
+        return replace(thing, free_edges=free_edges(mask, depth))
+    return replace(thing, hollow=hollow(mask, depth))
 
 
 def _contacts(

@@ -95,7 +95,7 @@ class Query:
     measure: str = ""
     """What "compare" compares, and what "use" and "purpose" look for."""
     reference: Phrase | None = None
-    """What nearness is measured to in "compare"; None for the camera."""
+    """What nearness is measured to in "compare", None for the camera; what a thing is placed by in "side"."""
     said: tuple[str, ...] = ()
     """Colours said of the target after a verb: "is the chair blue"."""
     words: tuple[str, ...] = ()

@@ -85,8 +85,9 @@ def place_of(view: View, index: int, *, without: frozenset[str] = frozenset()) -
     others = [i for i, other in enumerate(view.things) if i != index and other.name not in without]
     furniture = [i for i in others if view.things[i].name not in STRUCTURE | GROUND]
     for relation, words in ((inside, "in"), (on, "on"), (under, "under")):
+        # What is below a window is next to it.
         holders = [i for i in furniture if relation(view, index, i) >= 1.0 and view.things[i].name != thing.name]
-        if words == "on":
+        if words != "in":
             holders = [i for i in holders if view.things[i].name not in UPRIGHT]
         if holders:
             size = -1.0 if words == "under" else 1.0
@@ -126,9 +127,14 @@ def spaced(text: str) -> str:
     return f" {text}" if text else ""
 
 
+def named(phrase: Phrase) -> str:
+    """Return the noun with the colour the question gave it: "blue couch"."""
+    return " ".join((*phrase.colors[:1], phrase.words or "thing"))
+
+
 def described(phrase: Phrase) -> str:
     """Return a phrase in words: "a blue chair next to the bed"."""
     if phrase.anything and not phrase.colors:
         return f"anything{spaced(link_words(phrase))}"
-    noun = " ".join((*phrase.colors[:1], phrase.words or "thing"))
+    noun = named(phrase)
     return f"{noun if phrase.plural else with_article(noun)}{spaced(link_words(phrase))}"

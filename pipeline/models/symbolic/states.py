@@ -1,32 +1,34 @@
-"""States that can be told from what a view shows: lights and screens, doors and fronts, what lies on or in a thing."""
+"""States that can be told from what a view shows: lights and screens, doors and cases, what lies on or in a thing."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
-from pipeline.models.symbolic.knowledge import CASES, DOORS, LIGHTS, SCREENS, STRUCTURE
+from pipeline.models.symbolic.knowledge import CASES, CURTAINS, DOORS, LIGHTS, SCREENS, STRUCTURE, VESSELS
 from pipeline.models.symbolic.perceive import View
 from pipeline.models.symbolic.relations import gap_m, inside, on
 
-LIT = 0.8
-"""A lamp whose mean brightness is at least this shines: shaded paint stays below it."""
-UNLIT = 0.62
-"""A lamp below this is off; in between it may be a white shade in good light."""
+GLOWS = 0.96
+"""A light whose brightest part reaches this is on: a lamp overexposes, white paint in a lit room does not."""
+STANDS_OUT = 0.15
+"""The bright part of a light that is on must be brighter than the whole of it by this, or all of it must glow."""
 SCREEN_LIT = 0.35
 """A screen brighter than this shows a picture; dark glass stays below it."""
 SCREEN_DARK = 0.22
-SWUNG = np.deg2rad(25.0)
-"""A door leaf turned this far from its wall is open."""
-ALIGNED = np.deg2rad(12.0)
-"""A door leaf turned less than this from its wall is closed."""
-FLAT_M = 0.06
-"""A front whose visible points stray less than this from a plane is closed, if it is seen squarely enough."""
-DEEP_M = 0.12
-"""A front whose visible points stray more than this lets one look inside."""
-NEAR_WALL_M = 0.6
-"""A wall this close to a door is the one it belongs to."""
+AJAR = 0.5
+"""Share of an upright edge of a door with air behind it from which on the door is open."""
+SHUT = 0.15
+"""Share below which it is closed; in between the view does not tell."""
+LOOKED_INTO = 0.15
+"""Share of a case's pixels that lie inside it from which on it is open."""
+SOLID = 0.05
+"""Share below which it is closed."""
+LID_M = 0.1
+"""A laptop that stands this high is open."""
+BARE_WINDOW = 0.3
+"""A window that shows this share of its curtain's area is not covered by it."""
+CURTAIN_REACH_M = 0.5
+"""A curtain hangs at most this far from its window."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,25 +49,24 @@ def state_of(view: View, index: int, asked: str) -> State | None:
         index: The thing.
         asked: A value of that scale: on or off, open or closed, empty or full.
     """
-    thing = view.things[index]
     found: State | None = None
     if asked in ("on", "off"):
         found = _switched(view, index)
     elif asked in ("open", "closed"):
-        found = _leaf(view, index) if thing.name in DOORS else _front(view, index) if thing.name in CASES else None
+        found = _opened(view, index)
     elif asked in ("empty", "full"):
         found = _load(view, index)
-    if found is None:
-        return None
-    return State(found.value, found.sure and thing.clear and not thing.cut)
+    return None if found is None else State(found.value, found.sure and view.things[index].clear)
 
 
 def _switched(view: View, index: int) -> State | None:
     thing = view.things[index]
     if thing.name in LIGHTS:
-        if thing.bright >= LIT:
+        glows = thing.peak >= GLOWS and (thing.peak - thing.bright >= STANDS_OUT or thing.bright >= GLOWS - 0.1)
+        if glows:
             return State("on", True)
-        return State("off", thing.bright < UNLIT)
+        # A cut lamp may have its shade outside the image.
+        return State("off", not thing.cut and thing.peak < GLOWS)
     if thing.name in SCREENS:
         if thing.bright >= SCREEN_LIT:
             return State("on", True)
@@ -73,23 +74,29 @@ def _switched(view: View, index: int) -> State | None:
     return None
 
 
-def _leaf(view: View, index: int) -> State | None:
-    """Compare the direction of a door leaf with that of the nearest wall."""
-    door = view.things[index]
-    walls = [i for i, thing in enumerate(view.things) if thing.name == "wall" and gap_m(thing, door) < NEAR_WALL_M]
-    if not walls:
-        return None
-    turned = min(_angle(view.things[i].facing, door.facing) for i in walls)
-    if turned >= SWUNG:
-        return State("open", True)
-    return State("closed", turned < ALIGNED)
-
-
-def _front(view: View, index: int) -> State | None:
+def _opened(view: View, index: int) -> State | None:
     thing = view.things[index]
-    if thing.flatness > DEEP_M:
-        return State("open", False)
-    return State("closed", False) if thing.flatness < FLAT_M else None
+    if thing.name in DOORS:
+        # One free edge is enough to be open; to be closed both edges must be seen in the frame.
+        if any(share >= AJAR for share in thing.free_edges):
+            return State("open", True)
+        return State("closed", True) if len(thing.free_edges) == 2 and max(thing.free_edges) < SHUT else None
+    if thing.name in CASES | VESSELS:
+        if thing.hollow >= LOOKED_INTO:
+            return State("open", not thing.cut)
+        # From the side an open vessel looks like a closed one.
+        return State("closed", not thing.cut) if thing.name in CASES and thing.hollow < SOLID else None
+    if thing.name in CURTAINS:
+        bare = any(
+            other.name == "window"
+            and other.share >= BARE_WINDOW * thing.share
+            and gap_m(other, thing) <= CURTAIN_REACH_M
+            for other in view.things
+        )
+        return State("open", True) if bare else State("closed", False)
+    if thing.name == "laptop":
+        return State("open" if thing.size[1] >= LID_M else "closed", not thing.cut)
+    return None
 
 
 def _load(view: View, index: int) -> State | None:
@@ -98,8 +105,3 @@ def _load(view: View, index: int) -> State | None:
         if other != index and thing.name not in STRUCTURE and (on(view, other, index) or inside(view, other, index)):
             return State("full", True)
     return State("empty", False)
-
-
-def _angle(first: float, second: float) -> float:
-    apart = abs(first - second) % np.pi
-    return float(min(apart, np.pi - apart))

@@ -91,7 +91,7 @@ def furnish(rooms: int, rng: np.random.Generator) -> Home:
     surfaces: dict[int, dict[str, int]] = {number: {} for number in range(rooms)}
     names = ["floor", "ceiling", *(side.name for side in SIDES)]
     for index, (model, number) in enumerate(structure(home.layout, rng)):
-        placed = home.add(model, (0.0, 0.0, 0.0), 0.0, number, solid=False)
+        placed = home.add(model, (0.0, 0.0, 0.0), 0.0, number)
         surfaces[number][names[index % len(names)]] = placed.instance
     placers = [RoomPlacer(home, number, surfaces[number], rng) for number in range(rooms)]
     hang_doors(home, placers, rng)

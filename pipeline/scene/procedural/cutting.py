@@ -1,96 +1,131 @@
-"""Cutting walls, floors and ceilings where flat things cover them.
+"""Leaving out what lies right behind a flat thing: a wall behind a picture, a cabinet's front behind its drawers.
 
 Splats are blended in the order of their centres, so a big disc of a wall beside a thin picture would be
-drawn over it from some directions. What lies behind a flat thing is therefore left out, with clean edges.
+drawn over it from some directions. What a cover hides is therefore cut out of the surface behind it.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
-from pipeline.scene.procedural.shape import Kind, Shape
-from pipeline.scene.procedural.things import Placed
+from pipeline.scene.procedural.shape import Joins, Kind, Shape
 
-THIN_M = 0.16
-"""Things that stand out less than this from what they touch are cut out of it; nothing shows past thicker ones."""
-REACH_M = 0.03
-"""Largest distance from the cover's face to the surface it hides: skips past a baseboard of 1 cm."""
+BEHIND_M = 0.026
+"""A cover hides what lies up to this far behind it: past a baseboard or a drawer's front, not to a board's other side."""
 INSCRIBED = 0.68
 """Half side of the square inside a round outline, relative to the outline's half axes."""
-EDGE_M = 0.004
+EDGE_M = 0.003
 """Width of surface kept under a cover's edge."""
+LEAST_M = 0.02
+"""Smaller covers are not worth a hole."""
 
 Rect = tuple[float, float, float, float]
 
 
-def cut_structure(things: list[Placed]) -> list[Placed]:
-    """Return the things with floors, walls and ceilings cut under the flat things they carry."""
-    covers: dict[int, list[Placed]] = {}
-    for thing in things:
-        if is_flat(thing) and things[thing.host].model.category in ("floor", "wall", "ceiling") and _is_aligned(thing):
-            covers.setdefault(thing.host, []).append(thing)
-    result = list(things)
-    for host, flat in covers.items():
-        shape = _cut(things[host].model.shape, [_hole(thing) for thing in flat])
-        result[host] = replace(things[host], model=replace(things[host].model, shape=shape))
-    return result
+@dataclass(frozen=True, slots=True)
+class Cover:
+    """An axis-aligned rectangle that hides what is behind it."""
+
+    axis: int
+    """Axis of its normal."""
+    sign: int
+    """Direction of its normal along that axis."""
+    low: Float[np.ndarray, "3"]
+    """Lowest corner, metres; on `axis`, where it lies."""
+    high: Float[np.ndarray, "3"]
+    """Highest corner, metres."""
 
 
-def is_flat(thing: Placed) -> bool:
-    """Return whether a thing lies flat on its host and is closed towards it."""
-    across = 1 if thing.mount == "back" else 2
-    return bool(thing.host >= 0 and thing.model.contact != "none" and thing.model.size[across] < THIN_M)
+def covers_of(shape: Shape) -> list[Cover]:
+    """Return the axis-aligned rectangles of a shape, and the squares inside its round faces."""
+    covers = []
+    for kind, frame in zip(shape.kinds, shape.frames, strict=True):
+        if kind == Kind.QUAD:
+            low, high = frame.min(axis=0), frame.max(axis=0)
+            axis = int((high - low).argmin())
+            if _is_rectangle(frame) and high[axis] - low[axis] < 1e-9:
+                normal = np.cross(frame[1] - frame[0], frame[2] - frame[0])
+                covers.append(Cover(axis, 1 if normal[axis] > 0 else -1, low, high))
+        elif kind == Kind.DISC:
+            axis = int(np.abs(frame[3]).argmax())
+            if abs(frame[3, axis]) > 0.999:
+                half = np.hypot(frame[1], frame[2]) * INSCRIBED
+                covers.append(Cover(axis, 1 if frame[3, axis] > 0 else -1, frame[0] - half, frame[0] + half))
+    wide = [np.sort(cover.high - cover.low)[1] > LEAST_M for cover in covers]
+    return [cover for cover, keep in zip(covers, wide, strict=True) if keep]
 
 
-def _is_aligned(thing: Placed) -> bool:
-    quarter = thing.yaw / (np.pi / 2)
-    return abs(quarter - round(quarter)) < 1e-3
-
-
-def _hole(thing: Placed) -> Float[np.ndarray, "2 3"]:
-    """World box of what is hidden, thickened towards the host."""
-    low, high = thing.model.bounds
-    middle, half = (low + high) / 2, (high - low) / 2
-    axis = {"base": 2, "back": 1, "top": 2}[thing.mount]
-    inner = half * INSCRIBED if thing.model.contact == "ellipse" else half - EDGE_M
-    inner[axis] = 0.0
-    face = middle.copy()
-    face[axis] = high[axis] if thing.mount == "top" else low[axis]
-    corners = thing.to_world(np.stack([face - inner, face + inner]))
-    box = np.stack([corners.min(axis=0), corners.max(axis=0)])
-    across = int(np.argmin(box[1] - box[0]))
-    box[:, across] += (-REACH_M, REACH_M)
-    return box
-
-
-def _cut(shape: Shape, holes: list[Float[np.ndarray, "2 3"]]) -> Shape:
-    """The shape with the holes taken out of its upright and level rectangles."""
+def cut(shape: Shape, covers: list[Cover]) -> Shape:
+    """Return the shape without the parts of its axis-aligned rectangles that the covers hide."""
+    if not covers:
+        return shape
+    axes = np.array([cover.axis for cover in covers])
+    signs = np.array([cover.sign for cover in covers])
+    lows, highs = np.stack([cover.low for cover in covers]), np.stack([cover.high for cover in covers])
     result = Shape()
-    for kind, frame, paint in zip(shape.kinds, shape.frames, shape.paints, strict=True):
-        assert kind == Kind.QUAD, "structure is made of quads only"
+    surfaces = zip(shape.kinds, shape.frames, shape.tapers, shape.paints, shape.joins, strict=True)
+    for kind, frame, taper, paint, joins in surfaces:
+        hiding = np.zeros(0, int)
+        if kind == Kind.QUAD and _is_rectangle(frame):
+            low, high = frame.min(axis=0), frame.max(axis=0)
+            axis = int((high - low).argmin())
+            if high[axis] - low[axis] < 1e-9:
+                normal = np.cross(frame[1] - frame[0], frame[2] - frame[0])
+                sign = 1 if normal[axis] > 0 else -1
+                ahead = (lows[:, axis] + highs[:, axis]) / 2 * sign - low[axis] * sign
+                across = [k for k in range(3) if k != axis]
+                meets = ((lows[:, across] < high[across]) & (highs[:, across] > low[across])).all(axis=1)
+                near = (ahead > 1e-6) & (ahead <= BEHIND_M)
+                hiding = np.flatnonzero((axes == axis) & (signs == sign) & near & meets)
+        if not len(hiding):
+            result.add(Kind(kind), frame, paint, taper, joins)
+            continue
         u, v = frame[1] - frame[0], frame[2] - frame[0]
         a, b = int(np.abs(u).argmax()), int(np.abs(v).argmax())
-        across = 3 - a - b
-        pieces: list[Rect] = [(0.0, 0.0, 1.0, 1.0)]
-        for low, high in holes:
-            if low[across] <= frame[0, across] <= high[across]:
-                u0, u1 = sorted(((low[a] - frame[0, a]) / u[a], (high[a] - frame[0, a]) / u[a]))
-                v0, v1 = sorted(((low[b] - frame[0, b]) / v[b], (high[b] - frame[0, b]) / v[b]))
-                pieces = [part for piece in pieces for part in _without(piece, (u0, v0, u1, v1))]
-        for u0, v0, u1, v1 in pieces:
-            corners = [frame[0] + s * u + t * v for t in (v0, v1) for s in (u0, u1)]
-            result.quad(np.array(corners), paint)
+        pieces: list[tuple[Rect, Joins]] = [((0.0, 0.0, 1.0, 1.0), joins)]
+        for index in hiding:
+            u0, u1 = sorted(((lows[index, a] - frame[0, a]) / u[a], (highs[index, a] - frame[0, a]) / u[a]))
+            v0, v1 = sorted(((lows[index, b] - frame[0, b]) / v[b], (highs[index, b] - frame[0, b]) / v[b]))
+            du, dv = EDGE_M / abs(u[a]), EDGE_M / abs(v[b])
+            hole = (u0 + du * (u0 > 0), v0 + dv * (v0 > 0), u1 - du * (u1 < 1), v1 - dv * (v1 < 1))
+            pieces = [part for piece in pieces for part in rectangle_without(*piece, hole)]
+        for (u0, v0, u1, v1), piece_joins in pieces:
+            corners = np.stack([frame[0] + s * u + t * v for t in (v0, v1) for s in (u0, u1)])
+            result.add(Kind.QUAD, corners, paint, taper, piece_joins)
     return result
 
 
-def _without(piece: Rect, hole: Rect) -> list[Rect]:
-    """A rectangle (low u, low v, high u, high v) minus another: up to four rectangles."""
+def _is_rectangle(frame: Float[np.ndarray, "4 3"]) -> bool:
+    """Whether a quad is a parallelogram; with sides along two axes it then is a rectangle."""
+    return bool(np.abs(frame[3] - frame[2] - frame[1] + frame[0]).max() < 1e-9)
+
+
+def rectangle_without(piece: Rect, joins: Joins, hole: Rect) -> list[tuple[Rect, Joins]]:
+    """Return a rectangle (low u, low v, high u, high v) minus another: up to eight rectangles around the hole.
+
+    Sides that face the hole are free, sides between the parts are joined, outer sides stay as they were.
+    """
     u0, v0, u1, v1 = piece
-    hu0, hv0, hu1, hv1 = max(u0, hole[0]), max(v0, hole[1]), min(u1, hole[2]), min(v1, hole[3])
-    if hu0 >= hu1 or hv0 >= hv1:
-        return [piece]
-    parts = [(u0, v0, u1, hv0), (u0, hv1, u1, v1), (u0, hv0, hu0, hv1), (hu1, hv0, u1, hv1)]
-    return [part for part in parts if part[2] - part[0] > 1e-6 and part[3] - part[1] > 1e-6]
+    h0, k0, h1, k1 = max(u0, hole[0]), max(v0, hole[1]), min(u1, hole[2]), min(v1, hole[3])
+    if h1 - h0 < 1e-6 or k1 - k0 < 1e-6:
+        return [(piece, joins)]
+    us, vs = (u0, h0, h1, u1), (v0, k0, k1, v1)
+    parts = []
+    for i in range(3):
+        for j in range(3):
+            if (i, j) == (1, 1) or us[i + 1] - us[i] < 1e-6 or vs[j + 1] - vs[j] < 1e-6:
+                continue
+            low_u = joins[0] if i == 0 else not (i == 2 and j == 1)
+            high_u = joins[1] if i == 2 else not (i == 0 and j == 1)
+            low_v = joins[2] if j == 0 else not (j == 2 and i == 1)
+            high_v = joins[3] if j == 2 else not (j == 0 and i == 1)
+            parts.append(((us[i], vs[j], us[i + 1], vs[j + 1]), (low_u, high_u, low_v, high_v)))
+    return parts
+
+
+def without_hidden(shape: Shape) -> Shape:
+    """Return the shape with its own covered parts cut out."""
+    return cut(shape, covers_of(shape))

@@ -47,15 +47,12 @@ class Home:
         relation: Relation = "",
         host: int = -1,
         mount: Mount = "base",
-        solid: bool = True,
     ) -> Placed:
         """Place a thing for good and return it."""
         placed = Placed(
             model, np.array(at, np.float64), yaw, room, len(self.things), parent, relation, host=host, mount=mount
         )
         self.things.append(placed)
-        if solid:
-            self.by_room.setdefault(room, []).append(placed)
         return placed
 
 
@@ -73,6 +70,7 @@ class RoomPlacer:
         self.doorways = [way for way in home.layout.doorways if number in (way.below, way.above)]
         self._landings = [self._landing(way) for way in self.doorways]
         self._grid = FloorGrid.of_room(self.room)
+        self._boxes = np.zeros((0, 2, 3))
         self._doors = [self._inside(way, 0.5) for way in self.doorways]
 
     def against_wall(
@@ -276,9 +274,7 @@ class RoomPlacer:
             else:
                 y = float(near.model.bounds[1][1]) + distance + model.size[1] / 2
                 placed = self._new(model, near.to_world(np.array([0.0, y, 0.0])), near.yaw)
-            low, high = placed.box
-            others = [thing for thing in self.home.by_room.get(self.number, []) if thing.box[0, 2] < high[2]]
-            if self._within(placed, 0.03) and not any(oriented_boxes_overlap(placed, other, 0.01) for other in others):
+            if self._within(placed, 0.03) and not self.collides(placed, 0.01):
                 return self._keep(placed)
         return None
 
@@ -290,14 +286,12 @@ class RoomPlacer:
             ancestors.add(parent)
             parent = self.home.things[parent].parent
         box = placed.box
-        for other in self.home.by_room.get(self.number, []):
-            if other.instance in ancestors:
-                continue
-            reach = other.box
-            near = (box[0] < reach[1] + gap).all() and (reach[0] < box[1] + gap).all()
-            if near and oriented_boxes_overlap(placed, other, gap):
-                return True
-        return False
+        near = (box[0] < self._boxes[:, 1] + gap).all(axis=1) & (self._boxes[:, 0] < box[1] + gap).all(axis=1)
+        others = self.home.by_room.get(self.number, [])
+        return any(
+            others[i].instance not in ancestors and oriented_boxes_overlap(placed, others[i], gap)
+            for i in np.flatnonzero(near)
+        )
 
     def clear_of_doorways(self, placed: Placed, own: Doorway) -> bool:
         """Return whether a thing leaves the floor before every doorway but its own free, and touches nothing."""
@@ -363,19 +357,20 @@ class RoomPlacer:
         """Whether the floor before a thing is taken, or is outside the room."""
         low, high = placed.model.bounds
         points = [(x, high[1] + front, 0.0) for x in (low[0] * 0.7, 0.0, high[0] * 0.7)]
+        low_x, low_y, low_z = self._boxes[:, 0].T
+        high_x, high_y, high_z = self._boxes[:, 1].T
+        standing = (high_z > 0.05) & (low_z < 0.6)
         for x, y, _ in placed.to_world(np.array(points)):
-            if not self.room.contains(float(x), float(y)):
+            taken = standing & (low_x < x) & (x < high_x) & (low_y < y) & (y < high_y)
+            if taken.any() or not self.room.contains(float(x), float(y)):
                 return True
-            for other in self.home.by_room.get(self.number, []):
-                box = other.box
-                if box[0, 0] < x < box[1, 0] and box[0, 1] < y < box[1, 1] and 0.05 < box[1, 2] and box[0, 2] < 0.6:
-                    return True
         return False
 
     def _keep(self, placed: Placed) -> Placed:
         placed.instance = len(self.home.things)
         self.home.things.append(placed)
         self.home.by_room.setdefault(self.number, []).append(placed)
+        self._boxes = np.concatenate([self._boxes, placed.box[None]])
         self._grid.block(placed)
         return placed
 

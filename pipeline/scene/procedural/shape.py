@@ -15,6 +15,10 @@ from jaxtyping import Float
 from pipeline.scene.procedural.paint import Paint
 
 XYZ = tuple[float, float, float]
+Joins = tuple[bool, bool, bool, bool]
+"""Whether a surface goes on beyond its low u, high u, low v and high v end."""
+FREE: Joins = (False, False, False, False)
+"""A surface that stands alone: all its ends are edges."""
 
 
 class Kind(IntEnum):
@@ -58,13 +62,15 @@ class Shape:
     frames: list[Float[np.ndarray, "4 3"]] = field(default_factory=list)
     """Frame rows of each surface, metres."""
     tapers: list[tuple[float, float]] = field(default_factory=list)
-    """Radius factors at base and tip (cones)."""
+    """Radius factors at base and tip (cones), or inner and outer radius factors (discs)."""
     paints: list[Paint] = field(default_factory=list)
     """Finish of each surface."""
+    joins: list[Joins] = field(default_factory=list)
+    """Which ends of each surface's grid another surface continues."""
 
     def quad(self, corners: Float[np.ndarray, "4 3"], paint: Paint) -> None:
         """Add a flat four-sided surface from corners P00, P10, P01, P11."""
-        self._add(Kind.QUAD, np.asarray(corners, np.float64), paint)
+        self.add(Kind.QUAD, np.asarray(corners, np.float64), paint)
 
     def block(
         self, at: XYZ, size: XYZ, paint: Paint, *, skip: tuple[str, ...] = (), top: tuple[float, float] = (1.0, 1.0)
@@ -83,7 +89,7 @@ class Shape:
         corners += at
         for name, index in _FACES.items():
             if name not in skip:
-                self._add(Kind.QUAD, corners[list(index)], paint)
+                self.add(Kind.QUAD, corners[list(index)], paint)
 
     def tube(self, at: XYZ, radius: float, height: float, paint: Paint, *, tip: float = 1.0, caps: str = "both") -> None:
         """Add an upright cylinder or truncated cone.
@@ -106,16 +112,25 @@ class Shape:
         u /= np.linalg.norm(u)
         w = np.cross(unit, u)
         base = np.array(at, np.float64)
-        self._add(Kind.CONE, np.stack([base, u * radius, w * radius, axis]), paint, (1.0, tip))
+        self.add(Kind.CONE, np.stack([base, u * radius, w * radius, axis]), paint, (1.0, tip))
         if caps in ("both", "bottom"):
-            self._add(Kind.DISC, np.stack([base, w * radius, u * radius, -unit]), paint)
+            self.add(Kind.DISC, np.stack([base, w * radius, u * radius, -unit]), paint, (0.0, 1.0))
         if caps in ("both", "top"):
-            self._add(Kind.DISC, np.stack([base + axis, u * radius * tip, w * radius * tip, unit]), paint)
+            frame = np.stack([base + axis, u * radius * tip, w * radius * tip, unit])
+            self.add(Kind.DISC, frame, paint, (0.0, 1.0))
+
+    def ring(self, at: XYZ, along: XYZ, inner: float, outer: float, paint: Paint) -> None:
+        """Add a flat ring about `at`, facing the way of `along`; inner and outer radius in metres."""
+        unit = np.array(along, np.float64) / np.linalg.norm(along)
+        u = np.cross(unit, np.eye(3)[np.abs(unit).argmin()])
+        u *= outer / np.linalg.norm(u)
+        frame = np.stack([np.array(at, np.float64), u, np.cross(unit, u), unit])
+        self.add(Kind.DISC, frame, paint, (inner / outer, 1.0))
 
     def ball(self, at: XYZ, radii: float | XYZ, paint: Paint) -> None:
         """Add an ellipsoid about its middle `at`."""
         axes = np.diag(np.broadcast_to(np.asarray(radii, np.float64), (3,)))
-        self._add(Kind.BALL, np.concatenate([np.array([at], np.float64), axes]), paint)
+        self.add(Kind.BALL, np.concatenate([np.array([at], np.float64), axes]), paint)
 
     def board(self, at: XYZ, size: XYZ, paint: Paint, *, skip: tuple[str, ...] = ()) -> None:
         """Add a thin box, with all six faces unless some are skipped."""
@@ -145,22 +160,30 @@ class Shape:
         """Add another shape turned by `tilt` about its x axis, then `yaw` about z, then moved to `at` (radians, m)."""
         ct, st, cy, sy = np.cos(tilt), np.sin(tilt), np.cos(yaw), np.sin(yaw)
         turn = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]]) @ np.array([[1, 0, 0], [0, ct, -st], [0, st, ct]])
-        for kind, frame, taper, paint in zip(other.kinds, other.frames, other.tapers, other.paints, strict=True):
+        surfaces = zip(other.kinds, other.frames, other.tapers, other.paints, other.joins, strict=True)
+        for kind, frame, taper, paint, joins in surfaces:
             moved = frame @ turn.T
             moved[: 4 if kind == Kind.QUAD else 1] += at
-            self._add(Kind(kind), moved, paint, taper)
+            self.add(Kind(kind), moved, paint, taper, joins)
 
     def bounds(self) -> Float[np.ndarray, "2 3"]:
         """Return the exact lowest and highest corner of all surfaces, metres."""
         return surface_bounds(np.array(self.kinds), np.stack(self.frames), np.array(self.tapers))
 
-    def _add(
-        self, kind: Kind, frame: Float[np.ndarray, "4 3"], paint: Paint, taper: tuple[float, float] = (1.0, 1.0)
+    def add(
+        self,
+        kind: Kind,
+        frame: Float[np.ndarray, "4 3"],
+        paint: Paint,
+        taper: tuple[float, float] = (1.0, 1.0),
+        joins: Joins = FREE,
     ) -> None:
+        """Add one surface as it is stored."""
         self.kinds.append(int(kind))
         self.frames.append(frame)
         self.tapers.append(taper)
         self.paints.append(paint)
+        self.joins.append(joins)
 
 
 def surface_bounds(

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from pipeline.geometry import rotations_to_quats
 from pipeline.scene.gaussians import SH_COUNTS, Gaussians
 from pipeline.scene.procedural.cells import SIGMA
-from pipeline.scene.procedural.cutting import cut_structure, is_flat
+from pipeline.scene.procedural.hiding import STRUCTURE, hidden_discs, visible_shapes
 from pipeline.scene.procedural.highlights import to_sh
 from pipeline.scene.procedural.light import Light
 from pipeline.scene.procedural.sampling import Samples, sample
@@ -39,9 +39,8 @@ def splat(
     Raises:
         InputError: `count` is too small for the things.
     """
-    things = cut_structure(things)
-    surfaces = collect([thing.model.shape for thing in things])
-    structure = np.array([thing.model.category in ("floor", "wall", "ceiling") for thing in things])
+    surfaces = collect(visible_shapes(things))
+    structure = np.array([thing.model.category in STRUCTURE for thing in things])
     counts, _ = choose_grids(surfaces, count, structure)
     total = int(counts.prod(axis=1).sum())
     pose = np.array([[*thing.at, np.cos(thing.yaw), np.sin(thing.yaw), thing.room] for thing in things])
@@ -64,7 +63,7 @@ def splat(
         color, gloss = _color(surfaces, chunk, point, normal, at[:, 5].astype(np.int64), floors[owner[rows]], light, spacing)
         sh[rows] = to_sh(color, normal, gloss, sh_degree)
     opacity = rng.uniform(*OPACITY, total).astype(np.float32)
-    keep = ~_covered(means, owner, things)
+    keep = ~hidden_discs(means, owner, things)
     categories = np.array([CATEGORY_IDS[thing.model.category] for thing in things], np.int32)
     gaussians = Gaussians(means[keep], quats[keep], scales[keep], np.log(opacity / (1 - opacity))[keep], sh[keep])
     return gaussians, Semantics(vocabulary, category=categories[owner[keep]], instance=owner[keep])
@@ -109,29 +108,3 @@ def _color(
     tone = brightness(numbers[:, 0].astype(np.int64), chunk.point, chunk.normal, numbers[:, 1], numbers[:, 2], spacing)
     lit = light.shade(point, normal, room, on_floor, numbers[:, 4])
     return (base * tone[:, None] * lit).clip(0.0, 1.0), numbers[:, 3]
-
-
-def _covered(means: np.ndarray, owner: np.ndarray, things: list[Placed]) -> Bool[np.ndarray, "M"]:
-    """Which discs lie right under a flat thing or an open container: they would show through its base."""
-    covered = np.zeros(len(means), bool)
-    starts = np.searchsorted(owner, np.arange(len(things) + 1))
-    for thing in things:
-        if is_flat(thing) or (thing.host >= 0 and thing.model.contact == "rectangle"):
-            rows = slice(starts[thing.host], starts[thing.host + 1])
-            covered[rows] |= _under(means[rows], thing)
-    return covered
-
-
-def _under(points: np.ndarray, thing: Placed) -> Bool[np.ndarray, "n"]:
-    low, high = thing.model.bounds
-    c, s = np.float32(np.cos(thing.yaw)), np.float32(np.sin(thing.yaw))
-    delta = points - thing.at.astype(np.float32)
-    local = np.stack([c * delta[:, 0] + s * delta[:, 1], -s * delta[:, 0] + c * delta[:, 1], delta[:, 2]], axis=1)
-    middle, half = (low + high) / 2, np.maximum((high - low) / 2, 1e-6)
-    axis, at = {"base": (2, low[2]), "back": (1, low[1]), "top": (2, high[2])}[thing.mount]
-    across = [k for k in range(3) if k != axis]
-    spread = np.abs(local[:, across] - middle[across]) / half[across]
-    inside = (spread < 0.94).all(axis=1) if thing.model.contact == "rectangle" else (spread**2).sum(axis=1) < 0.6
-    # Walls carry baseboards 1 cm thick; the underside of a board is 2.2 cm below what stands on it.
-    reach = 0.025 if thing.mount == "back" else 0.012
-    return inside & (np.abs(local[:, axis] - at) < reach)

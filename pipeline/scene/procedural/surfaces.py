@@ -34,7 +34,9 @@ class Surfaces:
     frame: Float[np.ndarray, "S 4 3"]
     """Frame rows in the object's own frame, metres."""
     taper: Float[np.ndarray, "S 2"]
-    """Radius factors at base and tip (cones)."""
+    """Radius factors at base and tip (cones), or inner and outer (discs)."""
+    joins: Bool[np.ndarray, "S 4"]
+    """Which ends of the grid another surface continues."""
     paint: Int[np.ndarray, "S"]
     """Index into `paints`."""
     owner: Int[np.ndarray, "S"]
@@ -51,6 +53,7 @@ def collect(shapes: Sequence[Shape]) -> Surfaces:
         kind=np.array([kind for shape in shapes for kind in shape.kinds], np.int64),
         frame=np.stack([frame for shape in shapes for frame in shape.frames]),
         taper=np.array([taper for shape in shapes for taper in shape.tapers], np.float64),
+        joins=np.array([joins for shape in shapes for joins in shape.joins], bool),
         paint=np.array(paint, np.int64),
         owner=np.repeat(np.arange(len(shapes)), [len(shape.kinds) for shape in shapes]),
         paints=tuple(numbers),
@@ -70,8 +73,8 @@ def side_lengths(surfaces: Surfaces) -> Float[np.ndarray, "S 2"]:
     u, w, a = (norm(f[:, i], axis=1) for i in (1, 2, 3))
     cone, disc, ball = (surfaces.kind == kind for kind in (Kind.CONE, Kind.DISC, Kind.BALL))
     slant = np.hypot(a, u * (surfaces.taper[:, 1] - surfaces.taper[:, 0]))
-    sides[cone] = np.stack([np.pi * (u + w) * surfaces.taper.mean(axis=1) / 1.0, slant], axis=1)[cone]
-    sides[disc] = np.sqrt(np.pi * u * w)[disc, None]
+    sides[cone] = np.stack([np.pi * (u + w) * surfaces.taper.mean(axis=1), slant], axis=1)[cone]
+    sides[disc] = np.sqrt(np.pi * u * w * (1 - surfaces.taper[:, 0] ** 2))[disc, None]
     # Thomsen's formula for the area of an ellipsoid, good to 1 %.
     p = 1.6075
     area = 4 * np.pi * (((u * w) ** p + (u * a) ** p + (w * a) ** p) / 3) ** (1 / p)
@@ -99,7 +102,7 @@ def relative_spacing(surfaces: Surfaces, structure: Bool[np.ndarray, "B"]) -> Fl
 def grids(surfaces: Surfaces, sides: Float[np.ndarray, "S 2"], spacing: Float[np.ndarray, "S"]) -> Int[np.ndarray, "S 2"]:
     """Return the samples along both directions of every surface, at least 1 x 1; discs and balls are n x 1."""
     steps = sides / spacing[:, None]
-    counts = line_counts(steps)
+    counts = np.stack([line_counts(steps[:, k], surfaces.joins[:, 2 * k : 2 * k + 2]) for k in (0, 1)], axis=1)
     cone, round_ = surfaces.kind == Kind.CONE, surfaces.kind >= Kind.DISC
     # Six discs around a rod is the least that looks round and stays closed.
     counts[cone, 0] = np.maximum(np.ceil(steps[cone, 0]), 6)

@@ -7,11 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from pipeline.scene.procedural.layout import DOOR_HEIGHT_M, WALL_M, Doorway, Layout, Room
+from pipeline.scene.procedural.cutting import rectangle_without
+from pipeline.scene.procedural.layout import DOOR_HEIGHT_M, WALL_M, XY, Doorway, Layout, Room
 from pipeline.scene.procedural.paint import PALETTE, RGB, Paint, Texture, mix, pick
-from pipeline.scene.procedural.shape import Shape
+from pipeline.scene.procedural.shape import FREE, Kind, Shape
 from pipeline.scene.procedural.things import Model
 
+SEAL_M = 0.03
+"""How far floors, walls and ceilings run on behind each other, so that no light comes in along the edges of a room."""
 BASEBOARD_M = (0.01, 0.08)
 """Thickness and height of the strip along the foot of a wall."""
 
@@ -122,11 +125,18 @@ def _wall(layout: Layout, number: int, side: Side, paint: Paint, base: Paint) ->
     plane, (low, high) = side.plane(room), side.span(room)
     outer = plane - side.inward * WALL_M / 2
     thickness, rise = BASEBOARD_M
-    at = low
     ways = openings(layout, number, side)
-    for way in [*ways, None]:
-        end = way.low if way else high
-        _face(shape, side, plane, at, end, 0.0, room.height, paint)
+    pieces = [((low - SEAL_M, -SEAL_M, high + SEAL_M, room.height + SEAL_M), FREE)]
+    for way in ways:
+        opening = (way.low, -1.0, way.high, DOOR_HEIGHT_M)
+        pieces = [part for piece in pieces for part in rectangle_without(*piece, opening)]
+        _reveal(shape, side, plane, outer, way, paint)
+    forward = (side.axis == 0) == (side.inward > 0)
+    for (start, z0, stop, z1), joins in pieces:
+        ends, turned = ((start, stop), joins) if forward else ((stop, start), (joins[1], joins[0], *joins[2:]))
+        shape.add(Kind.QUAD, _upright(side.axis, plane, *ends, z0, z1), paint, joins=turned)
+    at = low
+    for end, resume in [*((way.low, way.high) for way in ways), (high, high)]:
         _face(shape, side, plane + side.inward * thickness, at, end, 0.0, rise, base)
         strip = np.empty((4, 3))
         strip[:, 1 - side.axis] = (at, end, at, end)
@@ -134,10 +144,7 @@ def _wall(layout: Layout, number: int, side: Side, paint: Paint, base: Paint) ->
         strip[:, 2] = rise
         upward = (side.axis == 1) == (side.inward > 0)
         shape.quad(strip if upward else strip[[1, 0, 3, 2]], base)
-        if way:
-            _face(shape, side, plane, way.low, way.high, DOOR_HEIGHT_M, room.height, paint)
-            _reveal(shape, side, plane, outer, way, paint)
-            at = way.high
+        at = resume
     return shape
 
 
@@ -162,18 +169,22 @@ def _flat(low: tuple[float, float], high: tuple[float, float], z: float) -> Floa
 def _floor(layout: Layout, number: int, paint: Paint) -> Shape:
     """Floor of the room and of its half of every doorway."""
     room, shape = layout.rooms[number], Shape()
-    shape.quad(_flat(room.low, room.high, 0.0), paint)
+    shape.quad(_flat(_shifted(room.low, -SEAL_M), _shifted(room.high, SEAL_M), 0.0), paint)
     for side in SIDES:
         plane = side.plane(room)
         outer = plane - side.inward * WALL_M / 2
         for way in openings(layout, number, side):
-            low, high = [way.low, way.low], [way.high, way.high]
-            low[side.axis], high[side.axis] = sorted((plane, outer))
+            low, high = [way.low - SEAL_M, way.low - SEAL_M], [way.high + SEAL_M, way.high + SEAL_M]
+            low[side.axis], high[side.axis] = sorted((plane + side.inward * SEAL_M, outer))
             shape.quad(_flat((low[0], low[1]), (high[0], high[1]), 0.0), paint)
     return shape
 
 
 def _ceiling(room: Room, paint: Paint) -> Shape:
     shape = Shape()
-    shape.quad(_flat(room.low, room.high, room.height)[[1, 0, 3, 2]], paint)
+    shape.quad(_flat(_shifted(room.low, -SEAL_M), _shifted(room.high, SEAL_M), room.height)[[1, 0, 3, 2]], paint)
     return shape
+
+
+def _shifted(corner: XY, by: float) -> XY:
+    return corner[0] + by, corner[1] + by

@@ -74,6 +74,8 @@ def generate_questions(
     Returns:
         Questions grouped by category, in the order of `EQA_MAKERS` and `GROUNDING_MAKERS`.
     """
+    if not objects:
+        return ()
     world = build_world(objects, rooms)
     describer = Describer(world)
     questions: list[Question] = []

@@ -12,7 +12,7 @@ from pipeline.scene.objects import SceneObject
 
 NEAR_M = 0.2
 """Horizontal distance within which something on a wall is over the furniture in front of that wall."""
-_GRID = 9
+_GRID = 10
 """Footprint samples per axis: overlaps are known to about a tenth, finer than any threshold needs."""
 
 
@@ -59,14 +59,21 @@ class Layout:
         """Longest sides, metres."""
         return 2.0 * self.half.max(axis=1)
 
+    def extent(self, direction: Float[np.ndarray, "2"]) -> Float[np.ndarray, "n"]:
+        """Return half the widths of the footprints along a horizontal unit vector, metres."""
+        cos, sin = np.cos(self.yaw), np.sin(self.yaw)
+        along = np.abs(cos * direction[0] + sin * direction[1])
+        across = np.abs(-sin * direction[0] + cos * direction[1])
+        return self.half[:, 0] * along + self.half[:, 1] * across
+
 
 def measure_layout(objects: Sequence[SceneObject]) -> Layout:
     """Return the pairwise geometry of the objects' boxes."""
     center = np.array([o.center for o in objects], np.float64).reshape(-1, 3)
     half = np.array([o.half_extents for o in objects], np.float64).reshape(-1, 3)
     yaw = np.array([o.yaw for o in objects], np.float64)
-    corners = _footprint_points(center, half, yaw, 2)
-    grid = _footprint_points(center, half, yaw, _GRID)
+    corners = _footprint_points(center, half, yaw, np.array([-1.0, 1.0]))
+    grid = _footprint_points(center, half, yaw, (2 * np.arange(_GRID) + 1) / _GRID - 1)
     overlap = (_outside(grid, center, half, yaw) <= 1e-9).mean(axis=2)
     near = (_outside(grid, center, half, yaw) <= NEAR_M).mean(axis=2)
     # Two convex shapes that do not meet are closest at a corner of one of them.
@@ -81,9 +88,11 @@ def measure_layout(objects: Sequence[SceneObject]) -> Layout:
 
 
 def _footprint_points(
-    center: Float[np.ndarray, "n 3"], half: Float[np.ndarray, "n 3"], yaw: Float[np.ndarray, "n"], count: int
+    center: Float[np.ndarray, "n 3"],
+    half: Float[np.ndarray, "n 3"],
+    yaw: Float[np.ndarray, "n"],
+    steps: Float[np.ndarray, "s"],
 ) -> Float[np.ndarray, "n p 2"]:
-    steps = np.linspace(-1.0, 1.0, count)
     local = half[:, None, :2] * np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     cos, sin = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
     x, y = local[..., 0], local[..., 1]

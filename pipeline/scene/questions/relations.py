@@ -32,6 +32,8 @@ COVERS = names("bed, table, desk, counter, chair, bench, couch, piano, shelf, ni
 CONTAINERS = names("basket, bin, can, trashcan, box, crate, cabinet, sink, bathtub, refrigerator, bag, bucket, bowl")
 """Categories one can put things in."""
 
+OPEN_INSIDES = names("shelf, bookshelf, rack, sink, basket, tray, bed, couch, armchair")
+"""Categories for which "in" and "on" are used alike."""
 DOORS = frozenset({"door", "doorframe"})
 """Categories that belong to the rooms on both their sides."""
 
@@ -86,7 +88,7 @@ def find_relations(objects: Sequence[SceneObject], layout: Layout) -> Relations:
         may_hold[name] |= holds[name] | _through(stated[name], stated["on"]) & pair
     # A sink in the counter may be said to be on it.
     may_hold["on"] = may_hold["on"] | holds["in"]
-    may_hold["in"] = may_hold["in"] | holds["on"]
+    may_hold["in"] = may_hold["in"] | holds["on"] & heads(objects, OPEN_INSIDES)[None]
     holds["behind"] = stated["behind"] & pair
     may_hold["behind"] = holds["behind"] | _behind(stated["behind"], layout) & pair
     resting = np.logical_or.reduce([may_hold[n] | may_hold[n].T for n in ("on", "in", "under")])
@@ -177,7 +179,12 @@ def _behind(stated: Bool[np.ndarray, "n n"], layout: Layout) -> Bool[np.ndarray,
         side: Float[np.ndarray, "2"] = layout.center[i, :2] - layout.center[j, :2]
         side = side / max(1e-9, float(np.linalg.norm(side)))
         depth = (layout.center[:, :2] - layout.center[j, :2]) @ side
-        result[:, j] |= (depth > 0.3 * (layout.center[i, :2] - layout.center[j, :2]) @ side) & (layout.gap[:, j] < 0.8)
+        across = np.abs((layout.center[:, :2] - layout.center[j, :2]) @ np.array([-side[1], side[0]]))
+        extent = layout.extent(np.array([-side[1], side[0]]))
+        within = across - extent < extent[j] + 0.2
+        result[:, j] |= (
+            within & (depth > 0.3 * (layout.center[i, :2] - layout.center[j, :2]) @ side) & (layout.gap[:, j] < 0.8)
+        )
     return result
 
 

@@ -12,7 +12,7 @@ from pipeline.scene.questions.grounding import counted_groups, group_where
 from pipeline.scene.questions.names import names
 from pipeline.scene.questions.phrases import Describer
 from pipeline.scene.questions.recognition import name_objects
-from pipeline.scene.questions.world import World, extent_along
+from pipeline.scene.questions.world import World
 
 _CLOSER = (
     "which is closer to the {x}, the {a} or the {b}?",
@@ -128,7 +128,7 @@ def _walker(world: World, describer: Describer, rng: np.random.Generator, p: int
     ahead = (centers[q] - centers[p]) / length
     depth = float(ahead @ (centers[o] - centers[p]))
     right = float(np.array([ahead[1], -ahead[0]]) @ (centers[o] - centers[p]))
-    width = extent_along(world, o, np.array([ahead[1], -ahead[0]]))
+    width = float(world.layout.extent(np.array([ahead[1], -ahead[0]]))[o])
     if not 0.3 <= depth <= 1.3 * length or abs(right) - width < 0.3 or not 0.35 * depth <= abs(right) <= 2.5 * depth:
         return
     question = worded(rng, _WALKER, p=_text(describer, p), q=_text(describer, q), o=_text(describer, o))
@@ -174,11 +174,11 @@ def _sides(
         return
     # Facing the front, the viewer looks along -front; their right hand points along (-front) turned clockwise.
     right = np.array([-front[1], front[0]])
-    half_width = extent_along(world, x, right)
+    extent = world.layout.extent(right)
     for o in neighbours:
         offset = world.layout.center[o, :2] - world.layout.center[x, :2]
         side, depth = float(right @ offset), float(front @ offset)
-        beside = abs(side) - extent_along(world, o, right) >= half_width and abs(side) >= 1.2 * abs(depth)
+        beside = abs(side) - extent[o] >= extent[x] and abs(side) >= 1.2 * abs(depth)
         if not beside or world.layout.gap[x, o] > 1.5:
             continue
         question = worded(rng, _SIDE, x=_text(describer, x), o=_text(describer, o))

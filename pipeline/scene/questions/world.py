@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
 from pipeline.scene.objects import SceneObject
 from pipeline.scene.questions.layout import Layout, measure_layout
@@ -252,14 +252,6 @@ def build_world(objects: Sequence[SceneObject], rooms: Sequence[Room]) -> World:
     askable = tuple(i for i, o in enumerate(objects) if o.category not in STRUCTURE | VAGUE)
     floors = {r.name: (r.low, r.high) for r in rooms}
     return World(tuple(objects), layout, relations, tuple(names), floors, room_of, askable)
-
-
-def extent_along(world: World, position: int, direction: Float[np.ndarray, "2"]) -> float:
-    """Return half the width of an object's footprint along a horizontal unit vector, metres."""
-    half, yaw = world.layout.half[position], world.layout.yaw[position]
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    along, across = cos * direction[0] + sin * direction[1], -sin * direction[0] + cos * direction[1]
-    return float(half[0] * abs(along) + half[1] * abs(across))
 
 
 def relation_targets(world: World, relation: RelationName, anchor: int) -> tuple[list[int], list[int]]:

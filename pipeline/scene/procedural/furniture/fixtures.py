@@ -8,7 +8,7 @@ from pipeline.scene.procedural.furniture.seating import FABRIC_COLORS
 from pipeline.scene.procedural.furniture.small import BRIGHT
 from pipeline.scene.procedural.paint import PALETTE, Paint, Texture, cloth, flat, metal, mix, pick, wood
 from pipeline.scene.procedural.shape import Shape
-from pipeline.scene.procedural.things import Model, Slot
+from pipeline.scene.procedural.things import Model
 
 LEAF_M = 0.04
 """Thickness of a door leaf."""
@@ -18,14 +18,10 @@ def door(rng: np.random.Generator, width: float, height: float, *, is_open: bool
     """Return a door leaf from its hinge (x = 0) to x = width, handles on both sides."""
     s, paint, knob = Shape(), wood(color, rng), metal("gray" if color != "gray" else "black", rng)
     s.board((width / 2, 0, 0.01), (width, LEAF_M, height - 0.02), paint)
-    inset = Paint(tuple(0.9 * c for c in paint.color), paint.texture, paint.period_m, paint.contrast)  # type: ignore[arg-type]
     for y in (-1, 1):
-        for z, h in ((0.2, 0.7), (1.1, 0.7)):
-            s.board((width / 2, y * LEAF_M / 2, z), (width - 0.3, 0.008, h), inset, skip=("back",) if y > 0 else ("front",))
         s.board((width - 0.08, y * (LEAF_M / 2 + 0.03), 1.0), (0.12, 0.02, 0.02), knob)
         s.board((width - 0.05, y * (LEAF_M / 2 + 0.01), 0.98), (0.04, 0.02, 0.08), knob)
-    slots: tuple[Slot, ...] = ()
-    return Model("door", color, s, ("open",) if is_open else ("closed",), slots)
+    return Model("door", color, s, ("open",) if is_open else ("closed",))
 
 
 def window(rng: np.random.Generator) -> Model:

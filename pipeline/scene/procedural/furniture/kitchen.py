@@ -180,8 +180,9 @@ def _drum(category: str, color: str, glass: str, rng: np.random.Generator) -> Mo
     s, h = Shape(), 0.86
     s.block((0, -0.02, 0), (0.6, 0.56, h), metal(color, rng), skip=("bottom",))
     ring = metal("gray" if color != "gray" else "white", rng)
-    s.rod((0, 0.26, 0.42), (0, 0.03, 0), 0.2, ring)
-    s.rod((0, 0.29, 0.42), (0, 0.01, 0), 0.15, metal(glass if color != "black" else "gray", rng))
+    s.rod((0, 0.26, 0.42), (0, 0.03, 0), 0.2, ring, caps="none")
+    s.ring((0, 0.29, 0.42), (0, 1, 0), 0.15, 0.2, ring)
+    s.ring((0, 0.285, 0.42), (0, 1, 0), 0.0, 0.15, metal(glass if color != "black" else "gray", rng))
     s.board((0, 0.265, 0.74), (0.54, 0.01, 0.08), ring)
     s.board((0.2, 0.272, 0.76), (0.08, 0.008, 0.04), lit((0.5, 0.95, 0.6)))
     on = Slot("on", (-0.26, -0.26, h), (0.26, 0.22, h + 0.5))

@@ -107,11 +107,13 @@ def water_pitcher(rng: np.random.Generator) -> Model:
 def clock(rng: np.random.Generator) -> Model:
     """Round wall clock; its colour is the rim's. Its back is the plane y = 0."""
     color, s = pick(rng, "black", "red", "blue", "brown", "green"), Shape()
-    s.rod((0, 0, 0.15), (0, 0.04, 0), 0.15, flat(color, rng))
-    s.rod((0, 0.04, 0.15), (0, 0.006, 0), 0.11, flat("white", rng))
+    rim = flat(color, rng)
+    s.rod((0, 0, 0.15), (0, 0.04, 0), 0.15, rim, caps="none")
+    s.ring((0, 0.04, 0.15), (0, 1, 0), 0.115, 0.15, rim)
+    s.ring((0, 0.038, 0.15), (0, 1, 0), 0.0, 0.115, flat("white", rng))
     hand = flat("black", rng)
-    s.board((0, 0.05, 0.15), (0.012, 0.006, 0.08), hand)
-    s.board((0.03, 0.05, 0.145), (0.06, 0.006, 0.012), hand)
+    s.board((0, 0.05, 0.15), (0.014, 0.006, 0.08), hand)
+    s.board((0.03, 0.05, 0.143), (0.06, 0.006, 0.014), hand)
     return Model("clock", color, s)
 
 

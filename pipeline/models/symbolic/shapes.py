@@ -1,0 +1,70 @@
+"""What the outline and the depth of one thing tell of its state: a door's free edge, the hollow of an open case."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from pipeline.models.symbolic.components import jump_limit
+
+DENT_M = 0.08
+"""Surface this far behind the line across a thing is a look inside it; panels and handles stand out less."""
+DENT_PER_M = 0.03
+"""Added per metre of depth, which is less certain farther off."""
+RIM = 4
+"""Pixels at each end of a line over which depth may blend with what is beside the thing."""
+EDGE_SHARE = 0.15
+"""Share of an outline that must be seen against something at the same depth or farther to be judged."""
+
+
+def free_edges(mask: Bool[np.ndarray, "h w"], depth_m: Float[np.ndarray, "h w"]) -> tuple[float, ...]:
+    """Return the share of each upright edge behind which there is nothing near; edges that are not seen are left out.
+
+    A leaf in its frame has the frame or the wall next to both edges; a leaf that stands open has air beside one.
+
+    Args:
+        mask: Pixels of the leaf, with at least one pixel of margin where the image goes on.
+        depth_m: z-depth of the same pixels, metres.
+    """
+    limit = jump_limit(depth_m)
+    shares = []
+    for inner, outer in ((slice(1, None), slice(None, -1)), (slice(None, -1), slice(1, None))):
+        edge = mask[:, inner] & ~mask[:, outer] & (depth_m[:, outer] > 0)
+        step = depth_m[:, outer] - depth_m[:, inner]
+        seen = edge & (step > -limit[:, inner])
+        rows = np.count_nonzero(mask.any(axis=1))
+        if np.count_nonzero(seen) >= EDGE_SHARE * rows:
+            shares.append(float((step[seen] > 2.0 * limit[:, inner][seen]).mean()))
+    return tuple(shares)
+
+
+def hollow(mask: Bool[np.ndarray, "h w"], depth_m: Float[np.ndarray, "h w"]) -> float:
+    """Return the share of a thing's pixels that lie behind the straight line across it, along its row or its column.
+
+    Seen from outside, a closed case is about convex: along any line of the image its inverse depth never falls below
+    the line between its ends. Where it does, one looks into it.
+
+    Args:
+        mask: Pixels of the thing.
+        depth_m: z-depth, metres.
+    """
+    return max(_hollow_rows(mask, depth_m), _hollow_rows(mask.T, depth_m.T))
+
+
+def _hollow_rows(mask: Bool[np.ndarray, "a b"], depth: Float[np.ndarray, "a b"]) -> float:
+    rows = np.flatnonzero(np.count_nonzero(mask, axis=1) >= 4 * RIM)
+    if not len(rows):
+        return 0.0
+    mask, depth = mask[rows], depth[rows]
+    columns = np.arange(mask.shape[1])
+    first, last = mask.argmax(axis=1), mask.shape[1] - 1 - mask[:, ::-1].argmax(axis=1)
+    # The farthest depth of the rim is taken: one that blends with something nearer would move the line forward.
+    line = np.arange(len(rows))[:, None]
+    reach = np.arange(1, RIM)
+    start, stop = (
+        1.0 / np.where(mask[line, at], depth[line, at], 0.0).max(axis=1).clip(min=1e-6)
+        for at in (first[:, None] + reach, last[:, None] - reach)
+    )
+    along = (columns - first[:, None]) / np.maximum(1, last - first)[:, None]
+    chord = 1.0 / np.maximum(1e-6, start[:, None] * (1 - along) + stop[:, None] * along)
+    return float((mask & (depth > chord + DENT_M + DENT_PER_M * depth)).sum() / mask.sum())

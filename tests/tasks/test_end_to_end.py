@@ -1,0 +1,111 @@
+"""The whole method on a generated apartment with the offline model: every task, from question file to rows."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from pipeline.config import MethodConfig
+from pipeline.models.config import ModelConfig, make_caller
+from pipeline.scene.procedural import build_apartment
+from pipeline.scene.questions import generate_questions
+from pipeline.scene.scene import Scene
+from pipeline.tasks.method import QuestionRows, SceneContext, answer_question
+from schemas.questions import Question
+
+Asked = tuple[Scene, tuple[Question, ...], list[QuestionRows]]
+
+
+def _answer(scene: Scene, questions: Sequence[Question]) -> list[QuestionRows]:
+    context, caller = SceneContext(scene), make_caller(ModelConfig(), None)
+
+    async def run() -> list[QuestionRows]:
+        return [await answer_question(context, question, caller, MethodConfig()) for question in questions]
+
+    return asyncio.run(run())
+
+
+@pytest.fixture(scope="module")
+def asked() -> Asked:
+    built = build_apartment(3, gaussians=20_000, views=40, width=160, height=120)
+    questions = generate_questions(
+        built.scene.name,
+        built.objects,
+        built.rooms,
+        np.random.default_rng(3),
+        per_category=2,
+        single=4,
+        multi=4,
+        zero=2,
+        referring=2,
+    )
+    return built.scene, questions, _answer(built.scene, questions)
+
+
+def test_every_question_has_one_answer_and_three_arms(asked: Asked) -> None:
+    _, questions, rows = asked
+    assert len(questions) >= 20
+    assert {question.task for question in questions} == {"eqa", "ground_one", "ground_many"}
+    for question, row in zip(questions, rows, strict=True):
+        assert [answer.question_id for answer in row.answers] == [question.question_id]
+        assert [arm.arm for arm in row.arms] == ["initial", "final", "verified"]
+        assert row.answers[0].status in ("answered", "skipped")
+        assert (row.answers[0].reason == "") == (row.answers[0].status == "answered")
+
+
+def test_most_questions_are_answered_and_scored_in_every_arm(asked: Asked) -> None:
+    _, questions, rows = asked
+    answered = [row for row in rows if row.answers[0].status == "answered"]
+    assert len(answered) > 0.7 * len(questions)
+    for row in answered:
+        for arm in row.arms:
+            if arm.task == "eqa":
+                assert arm.mark in (1, 2, 3, 4, 5)
+            else:
+                assert arm.iou is not None
+                assert 0.0 <= arm.iou <= 1.0
+
+
+def test_answers_are_better_than_nothing(asked: Asked) -> None:
+    _, _, rows = asked
+    arms = [row.arms[1] for row in rows]
+    assert np.mean([arm.mark for arm in arms if arm.task == "eqa"]) > 1.5
+    assert np.mean([arm.iou for arm in arms if arm.task == "ground_one"]) > 0.1
+
+
+def test_some_question_takes_a_novel_view(asked: Asked) -> None:
+    _, _, rows = asked
+    assert any(candidate.chosen and candidate.move != "initial" for row in rows for candidate in row.candidates)
+
+
+def test_regions_hold_activated_gaussians_of_the_evidence_category_alone(asked: Asked) -> None:
+    scene, _, rows = asked
+    checked = 0
+    for row in rows:
+        for region in row.regions:
+            names = {scene.semantics.vocabulary[i] for i in scene.semantics.category[list(region.gaussians)]}
+            assert names <= set(row.answers[0].evidence)
+            checked += bool(names)
+    assert checked > 0
+
+
+def test_model_says_in_every_row_that_it_is_symbolic(asked: Asked) -> None:
+    _, _, rows = asked
+    assert all("symbolic" in row.answers[0].model for row in rows)
+    assert not any(call.outcome != "ok" for row in rows for call in row.calls)
+
+
+def test_a_second_run_gives_the_same_rows(asked: Asked) -> None:
+    scene, questions, rows = asked
+    again = _answer(scene, questions[::5])
+    for first, second in zip(rows[::5], again, strict=True):
+        assert (first.answers, first.arms, first.clusters, first.candidates, first.regions) == (
+            second.answers,
+            second.arms,
+            second.clusters,
+            second.candidates,
+            second.regions,
+        )
