@@ -1,8 +1,8 @@
 """From a run's tables to its metrics: every mean with its interval and with what it was taken over.
 
-A question without a score is in no mean. It is counted beside each mean by its status, and `mean_zero` gives the mean
-were all such questions scored 0, which is how the OpenEQA protocol treats a missing answer. Questions whose reference
-is unknown cannot be scored by anyone and are counted as `no_reference` only.
+A question without a score (it failed, a reply stayed unreadable) is in no mean. It is counted beside each mean by its
+status, and `mean_zero` gives the mean were all such questions scored 0. A missing answer is a score already: 0, as the
+OpenEQA protocol has it. Questions whose reference is unknown cannot be scored by anyone: they are `no_reference`.
 """
 
 from __future__ import annotations

@@ -196,8 +196,8 @@ def _denominators(arms: pd.DataFrame) -> Sheet:
     )
     first = _method_column(arms)
     columns = (*first, "Task", "Arm", *(name.replace("_", " ") for name in counts))
-    note = "no reference: nothing to score against, whatever was answered. A question without a reference, without an "
-    note += "answer or without a readable mark is in no mean."
+    note = "A missing answer (skipped: there was nothing to look at) scores 0, as in the OpenEQA protocol, and grounds "
+    note += "nothing. A question that failed, stayed unreadable or has no reference is in no mean."
     return Sheet("denominators", "How the questions ended", note, columns, rows, len(first) + 2)
 
 

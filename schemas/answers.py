@@ -44,7 +44,7 @@ class AnswerRow:
     answer: str
     """Final answer text."""
     arm: str
-    """Which arm verification chose: "initial" or "final"; empty when there was nothing to verify."""
+    """Which arm verification chose: "initial", "final" or, over several clusters, "mixed"; empty when nothing differed."""
     frames: int
     """Views given to the model for the final answer."""
     model: str

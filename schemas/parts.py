@@ -68,9 +68,9 @@ def decode_part(spec: TableSpec[Any], data: bytes, subject: object, sha256: str 
         raise InputError(subject, field="sha256", expected=f"{sha256}, as its manifest says", found=found)
     try:
         table = pq.read_table(pa.BufferReader(data), page_checksum_verification=True)
-    except (pa.ArrowException, OSError) as error:
+        spec.check(table.schema, subject)
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         raise InputError(subject, expected="a readable Parquet file", found=str(error).splitlines()[0]) from error
-    spec.check(table.schema, subject)
     return table
 
 

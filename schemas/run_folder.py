@@ -126,7 +126,7 @@ def safe_name(text: str) -> str:
     dot, a hash of the whole text is added so that different texts keep different names.
     """
     kept = re.sub(r"[^A-Za-z0-9._-]", "_", text).lstrip(".")[:LONGEST_NAME]
-    if kept == text:
+    if kept and kept == text:
         return kept
     return f"{kept}-{hashlib.sha256(text.encode()).hexdigest()[:10]}"
 

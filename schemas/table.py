@@ -72,8 +72,11 @@ class TableSpec(Generic[R]):
                 array = pa.array([getattr(row, field.name) for row in kept], field.type)
             except (pa.ArrowInvalid, pa.ArrowTypeError) as error:
                 raise ValueError(f"table {self.name}: column {field.name}: {error}") from error
-            if array.null_count and not field.nullable:
-                raise ValueError(f"table {self.name}: column {field.name} has {array.null_count} nulls, expected none")
+            nulls = 0 if field.nullable else array.null_count
+            if pa.types.is_list(field.type):
+                nulls += array.flatten().null_count
+            if nulls:
+                raise ValueError(f"table {self.name}: column {field.name} has {nulls} nulls, expected none")
             arrays.append(array)
         return pa.Table.from_arrays(arrays, schema=schema)
 
@@ -96,7 +99,7 @@ class TableSpec(Generic[R]):
         """
         metadata = schema.metadata or {}
         for field, expected in (("table", self.name), ("version", str(self.version))):
-            found = metadata.get(field.encode(), b"").decode()
+            found = metadata.get(field.encode(), b"").decode(errors="replace")
             if found != expected:
                 raise InputError(subject, field=field, expected=expected, found=found or "nothing")
         expected_schema = self.arrow_schema()

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Int64
+from jaxtyping import Bool, Float, Int, Int64
 
 from pipeline.geometry import look_at
 from schemas.errors import InputError
@@ -213,7 +213,7 @@ def _cell_graph(floor: FloorMap, area: Bool[np.ndarray, "I J"]) -> tuple[Any, In
     return graph, cells
 
 
-def _trace(back: Int64[np.ndarray, "k"], start: int, end: int) -> list[int]:
+def _trace(back: Int[np.ndarray, "k"], start: int, end: int) -> list[int]:
     path = []
     while end != start:
         path.append(end)

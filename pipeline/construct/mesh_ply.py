@@ -76,7 +76,7 @@ def read_vertex_labels(path: Path) -> Shaped[np.ndarray, "n"]:
     return _column(path, _required(path, _read_elements(path), "vertex"), "label")
 
 
-def _read_elements(path: Path) -> dict[str, Shaped[np.ndarray, "k"]]:
+def _read_elements(path: Path) -> dict[str, Shaped[np.ndarray, "_"]]:
     if not path.is_file():
         raise InputError(path, expected="a PLY file", found="no such file")
     data = path.read_bytes()
@@ -84,7 +84,7 @@ def _read_elements(path: Path) -> dict[str, Shaped[np.ndarray, "k"]]:
     if not data.startswith(b"ply\n") or end < 0:
         raise InputError(path, expected="a PLY header", found=repr(data[:16]))
     offset = end + len(b"end_header\n")
-    arrays: dict[str, Shaped[np.ndarray, "k"]] = {}
+    arrays: dict[str, Shaped[np.ndarray, "_"]] = {}
     for element in _parse_header(path, data[:end].decode("ascii", "replace").splitlines()):
         size = element.count * element.dtype.itemsize
         if offset + size > len(data):
@@ -130,13 +130,13 @@ def _parse_header(path: Path, lines: list[str]) -> list[_Element]:
     return [_Element(name, count, np.dtype(fields), length) for name, count, fields, length in elements]
 
 
-def _required(path: Path, elements: dict[str, Shaped[np.ndarray, "k"]], name: str) -> Shaped[np.ndarray, "k"]:
+def _required(path: Path, elements: dict[str, Shaped[np.ndarray, "_"]], name: str) -> Shaped[np.ndarray, "_"]:
     if name not in elements or not len(elements[name]):
         raise InputError(path, field=name, expected="at least one", found="none")
     return elements[name]
 
 
-def _column(path: Path, array: Shaped[np.ndarray, "k"], name: str) -> Shaped[np.ndarray, "k"]:
+def _column(path: Path, array: Shaped[np.ndarray, "_"], name: str) -> Shaped[np.ndarray, "_"]:
     if name not in (array.dtype.names or ()):
         raise InputError(path, field=name, expected="a vertex property", found=f"only {array.dtype.names}")
     return array[name]

@@ -9,8 +9,8 @@ compiles the kernel without it. A pixel that has stopped keeps its transmittance
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from pipeline.render.cached_kernels import kernel
 from pipeline.render.simd_kernels import (
     bits,
     block_columns,
@@ -29,38 +29,19 @@ from pipeline.render.tile_kernels import BATCH, BLOCKS, ENTRY, T_MIN, B, G, R, Z
 STATE = 48
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def composite(
-    first_tile,
-    last_tile,
-    columns,
-    first_row,
-    width,
-    height,
-    offsets,
-    entries,
-    records,
-    ids,
-    background,
-    color,
-    depth,
-    alpha,
-    dominant,
-    weight,
-):
-    """Composite tiles first_tile to last_tile of the band that starts at tile row `first_row`.
+    first_tile, last_tile, columns, first_row, width, height, offsets, entries, records, ids, opening, closing,
+    live, states, winner_states, background, color, depth, alpha, dominant, weight,
+):  # fmt: skip
+    """Composite one slab of the depth order into tiles first_tile to last_tile of a band, and write finished ones.
 
-    Args:
-        offsets: (tiles + 1,) int64 into `entries`.
-        entries: int32 records per tile, nearest first.
-        records: (rows * 16,) float32.
-        ids: (rows,) int32 Gaussian ids.
-        background: (3,) float32.
-        color: (H * W * 3,) float32 or None, written.
-        depth: (H * W,) float32 or None, written.
-        alpha: (H * W,) float32 or None, written.
-        dominant: (H * W,) int32 or None, written.
-        weight: (H * W,) float32, written; None when `dominant` is.
+    A band starts at tile row `first_row`. Takes offsets (tiles + 1,) int64 into entries (int32 records per tile,
+    nearest first), records (rows * 16,) float32, ids (rows,) int32 Gaussians, background (3,) float32. Between slabs,
+    live (tiles,) uint32 holds the blocks that still take records, states (tiles * 1536,) float32 and winner_states
+    (tiles * 256,) int32 the rest. Tiles start afresh with the `opening` slab; a tile's pixels are written once, when
+    all its blocks have stopped or with the `closing` slab: color (H * W * 3,), depth, alpha, weight (H * W,) float32
+    and dominant (H * W,) int32, each of which may be None.
     """
     state = np.empty(BLOCKS * STATE, np.float32)
     winners = np.empty(BLOCKS * 8, np.int32)
@@ -70,19 +51,25 @@ def composite(
     lengths = np.empty(BLOCKS, np.int64)
     zero, t_min = splat(np.float32(0.0)), splat(T_MIN)
     for tile in range(first_tile, last_tile):
+        alive = live[tile]
+        if alive == 0 or (offsets[tile] == offsets[tile + 1] and not (opening or closing)):
+            continue
         left, top = (tile % columns) * 16, (tile // columns + first_row) * 16
         corner_x, corner_y = np.float32(left) + np.float32(0.5), np.float32(top) + np.float32(0.5)
-        for block in range(BLOCKS):
-            s = block * STATE
-            store(state, s, splat(np.float32(1.0)))
-            for field in range(1, 6):
-                store(state, s + field * 8, zero)
-            store(winners, block * 8, splat(np.int32(-1)))
-        live = np.uint32(0xFFFFFFFF)
+        if opening:
+            for block in range(BLOCKS):
+                s = block * STATE
+                store(state, s, splat(np.float32(1.0)))
+                for field in range(1, 6):
+                    store(state, s + field * 8, zero)
+                store(winners, block * 8, splat(np.int32(-1)))
+        else:
+            state[:] = states[tile * BLOCKS * STATE : (tile + 1) * BLOCKS * STATE]
+            winners[:] = winner_states[tile * BLOCKS * 8 : (tile + 1) * BLOCKS * 8]
         begin, end = offsets[tile], offsets[tile + 1]
-        while begin < end and live != 0:
+        while begin < end and alive != 0:
             stop = min(begin + BATCH, end)
-            fill_batch(records, entries, begin, stop, corner_x, corner_y, live, batch, rows, lists, lengths)
+            fill_batch(records, entries, begin, stop, corner_x, corner_y, alive, batch, rows, lists, lengths)
             begin = stop
             for block in range(BLOCKS):
                 length = lengths[block]
@@ -115,7 +102,7 @@ def composite(
                         best = select(more, w, best)
                         winner = select(more, splat_at(rows, entry), winner)
                     if bits(t > zero) == 0:
-                        live &= ~(np.uint32(1) << np.uint32(block))
+                        alive &= ~(np.uint32(1) << np.uint32(block))
                         break
                 store(state, s, t)
                 store(state, s + 8, red)
@@ -124,6 +111,12 @@ def composite(
                 store(state, s + 32, z_sum)
                 store(state, s + 40, best)
                 store(winners, block * 8, winner)
+        if alive != 0 and not closing:
+            states[tile * BLOCKS * STATE : (tile + 1) * BLOCKS * STATE] = state
+            winner_states[tile * BLOCKS * 8 : (tile + 1) * BLOCKS * 8] = winners
+            live[tile] = alive
+            continue
+        live[tile] = 0
         for y in range(top, min(top + 16, height)):
             for x in range(left, min(left + 16, width)):
                 block = ((y - top) >> 1) * 4 + ((x - left) >> 2)

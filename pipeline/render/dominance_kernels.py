@@ -8,8 +8,8 @@ depth, and a pixel is done as soon as 0.99 T, the most anything behind can weigh
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from pipeline.render.cached_kernels import kernel
 from pipeline.render.simd_kernels import (
     bits,
     block_columns,
@@ -28,11 +28,15 @@ from pipeline.render.tile_kernels import ALPHA_CAP, BATCH, BLOCKS, ENTRY, T_MIN,
 STATE = 16
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def dominate(
-    first_tile, last_tile, columns, first_row, width, height, offsets, entries, records, ids, dominant, weight
-):
-    """Write `dominant` (H * W,) int32 and `weight` (H * W,) float32 for a range of tiles; see `composite`."""
+    first_tile, last_tile, columns, first_row, width, height, offsets, entries, records, ids, opening, closing,
+    live, states, winner_states, dominant, weight,
+):  # fmt: skip
+    """Write `dominant` (H * W,) int32 and `weight` (H * W,) float32 of a range of tiles; arguments as in `composite`.
+
+    Here states are (tiles * 512,) float32.
+    """
     state = np.empty(BLOCKS * STATE, np.float32)
     winners = np.empty(BLOCKS * 8, np.int32)
     batch = np.empty(BATCH * ENTRY, np.float32)
@@ -41,17 +45,23 @@ def dominate(
     lengths = np.empty(BLOCKS, np.int64)
     zero, t_min, cap = splat(np.float32(0.0)), splat(T_MIN), splat(ALPHA_CAP)
     for tile in range(first_tile, last_tile):
+        alive = live[tile]
+        if alive == 0 or (offsets[tile] == offsets[tile + 1] and not (opening or closing)):
+            continue
         left, top = (tile % columns) * 16, (tile // columns + first_row) * 16
         corner_x, corner_y = np.float32(left) + np.float32(0.5), np.float32(top) + np.float32(0.5)
-        for block in range(BLOCKS):
-            store(state, block * STATE, splat(np.float32(1.0)))
-            store(state, block * STATE + 8, zero)
-            store(winners, block * 8, splat(np.int32(-1)))
-        live = np.uint32(0xFFFFFFFF)
+        if opening:
+            for block in range(BLOCKS):
+                store(state, block * STATE, splat(np.float32(1.0)))
+                store(state, block * STATE + 8, zero)
+                store(winners, block * 8, splat(np.int32(-1)))
+        else:
+            state[:] = states[tile * BLOCKS * STATE : (tile + 1) * BLOCKS * STATE]
+            winners[:] = winner_states[tile * BLOCKS * 8 : (tile + 1) * BLOCKS * 8]
         begin, end = offsets[tile], offsets[tile + 1]
-        while begin < end and live != 0:
+        while begin < end and alive != 0:
             stop = min(begin + BATCH, end)
-            fill_batch(records, entries, begin, stop, corner_x, corner_y, live, batch, rows, lists, lengths)
+            fill_batch(records, entries, begin, stop, corner_x, corner_y, alive, batch, rows, lists, lengths)
             begin = stop
             for block in range(BLOCKS):
                 length = lengths[block]
@@ -74,11 +84,17 @@ def dominate(
                     best = select(more, w, best)
                     winner = select(more, splat_at(rows, entry), winner)
                     if bits(t * cap > best) == 0:
-                        live &= ~(np.uint32(1) << np.uint32(block))
+                        alive &= ~(np.uint32(1) << np.uint32(block))
                         break
                 store(state, block * STATE, t)
                 store(state, block * STATE + 8, best)
                 store(winners, block * 8, winner)
+        if alive != 0 and not closing:
+            states[tile * BLOCKS * STATE : (tile + 1) * BLOCKS * STATE] = state
+            winner_states[tile * BLOCKS * 8 : (tile + 1) * BLOCKS * 8] = winners
+            live[tile] = alive
+            continue
+        live[tile] = 0
         for y in range(top, min(top + 16, height)):
             for x in range(left, min(left + 16, width)):
                 block = ((y - top) >> 1) * 4 + ((x - left) >> 2)

@@ -15,10 +15,11 @@ alpha = 2^(log2 opacity - m^2 - n^2) with m = mu dx + mv dy, n = nv dy.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from pipeline.render.cached_kernels import kernel
 from pipeline.render.simd_kernels import (
     bits,
+    float_bits,
     fma,
     larger,
     load,
@@ -28,13 +29,18 @@ from pipeline.render.simd_kernels import (
     splat,
     square_root,
     store,
+    truncate,
     widen,
 )
 
 # Offsets in a record.
-U, V, MU, MV, NV, LOG2_OPACITY, DEPTH, RED, GREEN, BLUE, SLOPE, INVERSE_MU, HALF_WIDTH, HALF_HEIGHT, BOUND = range(15)
+U, V, MU, MV, NV, LOG2_OPACITY, DEPTH, RED, GREEN, BLUE, SLOPE, INVERSE_MU, EXTREME, BOUND = range(14)
 RECORD = 16
 
+TILE_SHIFT = 4
+"""Tiles are 16 x 16 pixels."""
+SLACK = np.float32(1e-3)
+"""Pixels added to every span for rounding; too large costs time only, alpha is tested again per pixel."""
 LOW_PASS = np.float32(0.3)
 """Variance added to both image axes, px^2: a Gaussian covers about a pixel at least."""
 SCALE = np.float32(np.sqrt(0.5 * np.log2(np.e)))
@@ -44,17 +50,16 @@ ANTIALIAS_FLOOR = np.float32(2.5e-5)
 """Smallest ratio of determinants the antialias option reckons with, as in the reference rasteriser."""
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
-def project(geometry, gaussian_ids, blocks, first, last, lens, width, height, antialias, records, ids, at):
-    """Append the survivors of `blocks[first:last]` to `records` and `ids` from row `at`; return the row after them.
+@kernel
+def project(
+    geometry, gaussian_ids, blocks, first, last, lens, width, height, antialias, records, rectangles, ids, keys, at
+):
+    """Append the survivors of `blocks[first:last]` from row `at`; return the row after them.
 
-    Args:
-        geometry: (P * 13,) float32, prepared groups of eight.
-        gaussian_ids: (P,) int32.
-        blocks: (b,) int32, visible blocks of 16 groups.
-        lens: (21,) float64, see `Lens.packed`.
-        records: (rows * 16,) float32, written.
-        ids: (rows,) int32, written.
+    Takes geometry (P * 13,) float32 in groups of eight, gaussian_ids (P,) int32, blocks (b,) int32 of 16 groups each,
+    lens (21,) float64 (see `Lens.packed`) and the image size. Writes records (rows * 16,) float32, rectangles
+    (rows * 2,) int32, first and last tile column, then row, in 16 bits each, ids (rows,) int32 and keys (rows,) uint64,
+    depth bits over row number.
     """
     r00, r01, r02 = splat(lens[0]), splat(lens[1]), splat(lens[2])
     r10, r11, r12 = splat(lens[3]), splat(lens[4]), splat(lens[5])
@@ -67,15 +72,12 @@ def project(geometry, gaussian_ids, blocks, first, last, lens, width, height, an
     x_low, x_high = splat(np.float32(lens[16])), splat(np.float32(lens[17]))
     y_low, y_high = splat(np.float32(lens[18])), splat(np.float32(lens[19]))
     near = splat(np.float32(lens[20]))
-    zero, one, half, low_pass = (
-        splat(np.float32(0.0)),
-        splat(np.float32(1.0)),
-        splat(np.float32(0.5)),
-        splat(LOW_PASS),
-    )
+    zero, one, low_pass = splat(np.float32(0.0)), splat(np.float32(1.0)), splat(LOW_PASS)
     scale, inverse_scale, log2_255 = splat(SCALE), splat(np.float32(1.0) / SCALE), splat(LOG2_255)
-    right, bottom = splat(np.float32(width) - np.float32(0.5)), splat(np.float32(height) - np.float32(0.5))
-    lanes = np.empty(15 * 8, np.float32)
+    last_x, last_y = splat(np.float32(width - 1)), splat(np.float32(height - 1))
+    to_first, to_last = splat(np.float32(0.5) - SLACK), splat(SLACK - np.float32(0.5))
+    shift, halfword = splat(np.int32(TILE_SHIFT)), splat(np.int32(16))
+    lanes, places = np.empty(RECORD * 8, np.float32), np.empty(16, np.int32)
     for number in range(first, last):
         block = np.int64(blocks[number])
         for group in range(block * 16, block * 16 + 16):
@@ -118,10 +120,21 @@ def project(geometry, gaussian_ids, blocks, first, last, lens, width, height, an
             minors = fma(m0, m0, fma(m1, m1, m2 * m2))
             d = minors + fma(low_pass * root, root * pp, low_pass)
             slope = -(fma(p0, q0, fma(p1, q1, p2 * q2)) * root)
+            if antialias:
+                store(lanes, 0, minors / d)
+                for lane in range(8):
+                    lanes[lane] = np.float32(0.5) * np.log2(max(lanes[lane], ANTIALIAS_FLOOR))
+                bound = bound + load(lanes, 0)
+                seen = seen & (bound >= zero)
             half_width = square_root(bound * (pp + low_pass)) * inverse_scale
             half_height = square_root(bound * c) * inverse_scale
-            seen = seen & (u + half_width >= half) & (u - half_width <= right)
-            seen = seen & (v + half_height >= half) & (v - half_height <= bottom)
+            # First pixel centre inside (a ceiling) and last one (a floor), by truncation of numbers above zero.
+            x_end, y_end = u + half_width + to_last, v + half_height + to_last
+            x_first = truncate(smaller(larger(u - half_width + to_first, zero), last_x + one))
+            y_first = truncate(smaller(larger(v - half_height + to_first, zero), last_y + one))
+            x_last = truncate(smaller(larger(x_end, zero), last_x))
+            y_last = truncate(smaller(larger(y_end, zero), last_y))
+            seen = seen & (x_end >= zero) & (y_end >= zero) & (x_first <= x_last) & (y_first <= y_last)
             mask = bits(seen)
             if mask == 0:
                 continue
@@ -132,40 +145,22 @@ def project(geometry, gaussian_ids, blocks, first, last, lens, width, height, an
             store(lanes, MU * 8, mu)
             store(lanes, MV * 8, mu * slope)
             store(lanes, NV * 8, root * scale)
-            store(lanes, LOG2_OPACITY * 8, load(geometry, g + 96))
+            store(lanes, LOG2_OPACITY * 8, bound - log2_255)
             store(lanes, DEPTH * 8, depth)
-            store(lanes, RED * 8, minors / d)
             store(lanes, SLOPE * 8, slope)
             store(lanes, INVERSE_MU * 8, inverse_mu)
-            store(lanes, HALF_WIDTH * 8, half_width)
-            store(lanes, HALF_HEIGHT * 8, half_height)
+            store(lanes, EXTREME * 8, -slope * half_height * half_height / half_width)
             store(lanes, BOUND * 8, bound)
+            store(places, 0, (x_first >> shift) | ((x_last >> shift) << halfword))
+            store(places, 8, (y_first >> shift) | ((y_last >> shift) << halfword))
             while mask != 0:
                 lane = lowest_bit(mask)
                 mask &= mask - np.uint32(1)
                 row = at * RECORD
-                for field in range(15):
+                for field in range(14):
                     records[row + field] = lanes[field * 8 + lane]
-                if antialias and not soften(records, row):
-                    continue
+                rectangles[2 * at], rectangles[2 * at + 1] = places[lane], places[8 + lane]
                 ids[at] = gaussian_ids[group * 8 + lane]
+                keys[at] = (np.uint64(float_bits(lanes[DEPTH * 8 + lane])) << np.uint64(32)) | np.uint64(at)
                 at += 1
     return at
-
-
-@njit(error_model="numpy")
-def soften(records, row):
-    """Lower a record's opacity by what the low-pass widened it (antialias); return whether anything is left to see.
-
-    The share of the determinant that is not blur lies where the colour will go.
-    """
-    share = max(ANTIALIAS_FLOOR, records[row + RED])
-    bound = records[row + BOUND] + np.float32(0.5 * np.log2(share))
-    if not bound >= 0:
-        return False
-    narrower = np.sqrt(bound / records[row + BOUND])
-    records[row + LOG2_OPACITY] = bound - LOG2_255
-    records[row + HALF_WIDTH] *= narrower
-    records[row + HALF_HEIGHT] *= narrower
-    records[row + BOUND] = bound
-    return True

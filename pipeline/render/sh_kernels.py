@@ -1,7 +1,8 @@
 # mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
 """Colours of the records a view kept: spherical harmonics of degree 0 to 3 along the ray from the camera.
 
-Work is split over ranges of records. Coefficients are read from the scene's own array, for survivors only.
+Work is split over ranges of the depth order. Coefficients are read from the scene's own array, for records that touch
+an unfinished tile only.
 """
 
 from __future__ import annotations
@@ -9,7 +10,12 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from pipeline.render.cached_kernels import kernel
 from pipeline.render.project_kernels import BLUE, GREEN, RECORD, RED
+from pipeline.render.simd_kernels import prefetch
+
+AHEAD = 8
+"""Records between asking for a colour and reading it."""
 
 C0 = np.float32(0.28209479177387814)
 C1 = np.float32(0.4886025119029199)
@@ -52,35 +58,36 @@ def basis(degree, x, y, z, out):
             out[15] = C3[6] * x * (xx - np.float32(3.0) * yy)
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
-def shade(sh, coefficients, means, degree, center, ids, first, last, records):
-    """Write the colours of records first to last: max(0, sum + 0.5).
+@kernel
+def shade(sh, coefficients, means, degree, center, ids, touched, count, records):
+    """Write the colours of the records `touched[:count]`: max(0, sum + 0.5).
 
-    Args:
-        sh: (M * coefficients * 3,) float32.
-        means: (M * 3,) float32, metres.
-        degree: 0 to 3, at most what `sh` holds.
-        center: (3,) float64 camera centre, metres.
-        ids: (rows,) int32 Gaussian of each record.
-        records: (rows * 16,) float32, written.
+    Takes sh (M * coefficients * 3,) float32, means (M * 3,) float32 in metres, the degree to use (0 to 3, at most what
+    `sh` holds), the camera centre (3,) float64 in metres, and ids (rows,) int32, the Gaussian of each record.
     """
     y = np.zeros(16, np.float32)
     used = (degree + 1) * (degree + 1)
     y[0] = C0
-    for record in range(first, last):
+    for k in range(count):
+        ahead = np.int64(ids[touched[min(k + AHEAD, count - 1)]])
+        for line in range(ahead * coefficients * 3, (ahead * coefficients + used) * 3, 16):
+            prefetch(sh, line)
+        if degree > 0:
+            prefetch(means, ahead * 3)
+        record = touched[k]
         gaussian = np.int64(ids[record])
         if degree > 0:
             dx = means[gaussian * 3] - center[0]
             dy = means[gaussian * 3 + 1] - center[1]
             dz = means[gaussian * 3 + 2] - center[2]
-            length = np.sqrt(dx * dx + dy * dy + dz * dz)
-            basis(degree, np.float32(dx / length), np.float32(dy / length), np.float32(dz / length), y)
+            inverse = 1.0 / np.sqrt(dx * dx + dy * dy + dz * dz)
+            basis(degree, np.float32(dx * inverse), np.float32(dy * inverse), np.float32(dz * inverse), y)
         red, green, blue = np.float32(0.5), np.float32(0.5), np.float32(0.5)
         at = gaussian * coefficients * 3
-        for k in range(used):
-            red += y[k] * sh[at]
-            green += y[k] * sh[at + 1]
-            blue += y[k] * sh[at + 2]
+        for j in range(used):
+            red += y[j] * sh[at]
+            green += y[j] * sh[at + 1]
+            blue += y[j] * sh[at + 2]
             at += 3
         r = record * RECORD
         records[r + RED] = max(red, np.float32(0.0))

@@ -1,4 +1,4 @@
-# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
+# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators, allow-subclassing-any
 """Eight-lane vectors for the kernels: `Floats8`, `Doubles8`, `Ints8` and `Mask8` map straight to LLVM vectors.
 
 Kernels written on these types cannot fall back to scalar code when a compiler changes its mind: eight pixels or
@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import operator
 
-from llvmlite import ir
+from llvmlite import ir  # type: ignore[import-untyped]
 from numba.core import cgutils, types
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
@@ -88,6 +88,7 @@ _define(operator.add, ints8, (ints8, ints8), lambda b, x, y: b.add(x, y))
 _define(operator.sub, ints8, (ints8, ints8), lambda b, x, y: b.sub(x, y))
 _define(operator.lshift, ints8, (ints8, ints8), lambda b, x, y: b.shl(x, y))
 _define(operator.rshift, ints8, (ints8, ints8), lambda b, x, y: b.ashr(x, y))
+_define(operator.or_, ints8, (ints8, ints8), lambda b, x, y: b.or_(x, y))
 _define(operator.le, mask8, (ints8, ints8), lambda b, x, y: b.icmp_signed("<=", x, y))
 _define(operator.and_, mask8, (mask8, mask8), lambda b, x, y: b.and_(x, y))
 _define(operator.or_, mask8, (mask8, mask8), lambda b, x, y: b.or_(x, y))
@@ -330,3 +331,17 @@ def float_bits(typing_context, x):
         return builder.bitcast(args[0], _I32)
 
     return types.uint32(types.float32), emit
+
+
+@intrinsic
+def prefetch(typing_context, array, index):
+    """Ask for the cache line of `array[index]`; any index is safe."""
+
+    def emit(context, builder, sig, args):
+        pointer = builder.bitcast(_element_pointer(context, builder, sig.args[0], *args), ir.IntType(8).as_pointer())
+        flags = [ir.Constant(_I32, value) for value in (0, 3, 1)]
+        function = ir.FunctionType(ir.VoidType(), [pointer.type, _I32, _I32, _I32])
+        builder.call(cgutils.get_or_insert_function(builder.module, function, "llvm.prefetch.p0"), [pointer, *flags])
+        return context.get_dummy_value()
+
+    return types.none(array, types.intp), emit

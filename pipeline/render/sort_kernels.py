@@ -7,8 +7,8 @@ Serial. Depths are positive, so their bits sort like integers; only the bits in 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from pipeline.render.cached_kernels import kernel
 from pipeline.render.project_kernels import DEPTH, RECORD
 from pipeline.render.simd_kernels import float_bits
 
@@ -16,7 +16,7 @@ DIGIT = 11
 """Bits per pass: 2048 counters fit in the first-level cache."""
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def put_depths(records, keys):
     """Put the depth bits of each key's row in its upper half; the row stays in the lower half."""
     for k in range(keys.size):
@@ -25,7 +25,7 @@ def put_depths(records, keys):
         keys[k] = (np.uint64(float_bits(depth)) << np.uint64(32)) | row
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def put_ids(ids, keys):
     """Put the Gaussian id of each key's row in its upper half; the row stays in the lower half."""
     for k in range(keys.size):
@@ -33,42 +33,48 @@ def put_ids(ids, keys):
         keys[k] = (np.uint64(ids[row]) << np.uint64(32)) | row
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def sort_upper_half(keys, spare):
     """Sort keys by their upper 32 bits, stably; return the array (one of the two) that holds the result."""
     count = keys.size
-    if count == 0:
+    if count < 2:
         return keys
     every, some = keys[0], keys[0]
     for k in range(count):
         every &= keys[k]
         some |= keys[k]
-    differing = (every ^ some) >> np.uint64(32)
-    low, high = np.int64(32), np.int64(32)
-    while differing >> np.uint64(high - 32):
-        high += 1
-    passes = (high - low + DIGIT - 1) // DIGIT
+    differing = np.uint32((every ^ some) >> np.uint64(32))
+    highest = 0
+    while differing >> np.uint32(highest) != 0 and highest < 32:
+        highest += 1
+    passes = (highest + DIGIT - 1) // DIGIT
+    if passes == 0:
+        return keys
+    width = (highest + passes - 1) // passes
+    mask = np.uint64((1 << width) - 1)
+    counters = np.zeros((passes, 1 << width), np.int64)
+    for k in range(count):
+        key = keys[k] >> np.uint64(32)
+        for number in range(passes):
+            counters[number, (key >> np.uint64(number * width)) & mask] += 1
     source, target = keys, spare
-    counters = np.empty(1 << DIGIT, np.int64)
     for number in range(passes):
-        shift = np.uint64(low + number * DIGIT)
-        counters[:] = 0
-        for k in range(count):
-            counters[(source[k] >> shift) & np.uint64((1 << DIGIT) - 1)] += 1
+        places = counters[number]
         total = np.int64(0)
-        for digit in range(1 << DIGIT):
-            here = counters[digit]
-            counters[digit] = total
+        for digit in range(1 << width):
+            here = places[digit]
+            places[digit] = total
             total += here
+        shift = np.uint64(32 + number * width)
         for k in range(count):
-            digit = (source[k] >> shift) & np.uint64((1 << DIGIT) - 1)
-            target[counters[digit]] = source[k]
-            counters[digit] += 1
+            digit = (source[k] >> shift) & mask
+            target[places[digit]] = source[k]
+            places[digit] += 1
         source, target = target, source
     return source
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def order_ties(keys, ids):
     """Order runs of equal depth by Gaussian id in place; return False where a run is too long for that.
 

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
-from itertools import count
+from itertools import count, pairwise
 from threading import Lock
 
 
@@ -14,7 +14,7 @@ def split(total: int, parts: int) -> list[tuple[int, int]]:
     """Return at most `parts` non-empty ranges that cover 0 to `total`, in order, equal within one."""
     parts = max(1, min(parts, total))
     edges = [total * k // parts for k in range(parts + 1)]
-    return [(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True) if b > a]
+    return [(a, b) for a, b in pairwise(edges) if b > a]
 
 
 def run_each(work: Callable[[int], None], number: int, threads: int) -> None:

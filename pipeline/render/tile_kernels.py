@@ -24,6 +24,7 @@ from pipeline.render.project_kernels import (
     NV,
     RECORD,
     RED,
+    SLACK,
     SLOPE,
     U,
     V,
@@ -34,6 +35,7 @@ from pipeline.render.simd_kernels import (
     larger,
     lowest_bit,
     nibble_shifts,
+    prefetch,
     select,
     smaller,
     splat,
@@ -53,8 +55,8 @@ ENTRY = 16
 ALPHA_CAP = np.float32(0.99)
 ALPHA_MIN = np.float32(1.0 / 255.0)
 T_MIN = np.float32(1e-4)
-SLACK = np.float32(1e-3)
-"""Pixels added to every span for rounding; alpha is tested again per pixel."""
+AHEAD = 8
+"""Entries between asking for a record and reading it."""
 
 # 2^x = p(x)^8 for x in [-8, 0]: p is the best degree-5 fit of 2^(x/8) in relative error, which leaves 6e-7.
 E0, E1, E2, E3, E4, E5 = (
@@ -113,6 +115,7 @@ def fill_batch(records, entries, begin, end, corner_x, corner_y, live, batch, ro
         lengths[block] = 0
     count = 0
     for k in range(begin, end):
+        prefetch(records, np.int64(entries[min(k + AHEAD, end - 1)]) * RECORD)
         row = np.int64(entries[k])
         r = row * RECORD
         word = covered_blocks(records, r, corner_x, corner_y) & live

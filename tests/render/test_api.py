@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from pipeline.render import OUTPUTS, color_image, passes, prepare, render, render_reference
+from pipeline.render.workspace import WORKSPACE
 from schemas.errors import InputError
 from tests.render.scenes import assert_same_bits, camera, front_camera, gaussians, random_scene
 
@@ -72,29 +73,59 @@ def test_prepared_gaussians_survive_pickling() -> None:
     assert_same_bits(render(prepared, view), render(pickle.loads(pickle.dumps(prepared)), view))
 
 
-def test_frames_too_large_for_one_band_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    scene, view = random_scene(5), camera(130, 90)
+@pytest.mark.parametrize(
+    ("constant", "value"), [("BAND_TILES", 20), ("BAND_TILES", 1), ("SMALLEST_SLAB", 7), ("PIECES_PER_THREAD", 1)]
+)
+@pytest.mark.parametrize("outputs", [OUTPUTS, ("dominant",)])
+@pytest.mark.parametrize("threads", [1, 2])
+def test_bands_slabs_and_pieces_of_any_size_give_the_same_bits(
+    constant: str, value: int, outputs: tuple[str, ...], threads: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    prepared, view = prepare(random_scene(5, 600)), camera(130, 90)
+    whole = render(prepared, view, outputs)
+    monkeypatch.setattr(passes, constant, value)
+    monkeypatch.setattr(passes, "SLAB_KEYS_PER_TILE", 0 if constant == "SMALLEST_SLAB" else 32)
+    assert_same_bits(whole, render(prepared, view, outputs, threads=threads))
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_slabs_whose_pairs_do_not_fit_give_the_same_bits(threads: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every Gaussian covers all tiles, so a slab ends long before its keys do."""
+    rng = np.random.default_rng(0)
+    scene = gaussians(rng.uniform(1, 3, (900, 3)), scales=9.0, opacity_logits=-4.5, colors=rng.uniform(0, 1, (900, 3)))
+    view = front_camera(130, 90)
     whole = render(scene, view)
-    monkeypatch.setattr(passes, "LARGEST_ENTRIES", 50)
-    assert_same_bits(whole, render(scene, view))
+    monkeypatch.setattr(passes, "SMALLEST_SLAB", 900)
+    monkeypatch.setattr(passes, "SLAB_KEYS_PER_TILE", 0)
+    assert_same_bits(whole, render(scene, view, threads=threads))
+    np.testing.assert_allclose(whole.alpha, render_reference(scene, view).alpha, atol=1e-5)
 
 
 @pytest.mark.parametrize("outputs", [OUTPUTS, ("dominant",)])
-def test_every_output_element_is_written(outputs: tuple[str, ...], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Buffers that start as noise change nothing, also where no Gaussian is seen."""
+@pytest.mark.parametrize("byte", [0x00, 0x7F, 0xC7, 0xFF])
+def test_every_output_element_is_written(outputs: tuple[str, ...], byte: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Outputs and scratch memory that start as noise change nothing, also where no Gaussian is seen."""
     plain_empty = np.empty
 
     def noise(shape, dtype=float, **more):
         array = plain_empty(shape, dtype, **more)
-        array.view(np.uint8)[...] = 0xC7
+        array.view(np.uint8)[...] = byte
         return array
 
     for scene in (random_scene(6, 40), gaussians([[0, 0, -1.0]])):
         expected = render(scene, front_camera(37, 21), outputs)
+        WORKSPACE.fill(byte)
         with monkeypatch.context() as patch:
             patch.setattr(np, "empty", noise)
             found = render(scene, front_camera(37, 21), outputs)
         assert_same_bits(expected, found)
+
+
+def test_scratch_memory_can_be_given_back() -> None:
+    scene, view = random_scene(7, 40), camera(20, 20)
+    expected = render(scene, view)
+    WORKSPACE.clear()
+    assert_same_bits(expected, render(scene, view))
 
 
 def test_color_image_cuts_to_eight_bits() -> None:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
-import numpy as np
 import pytest
 from llvmlite import binding
 from numba import njit
 
-from pipeline.render import composite_kernels, dominance_kernels, passes
+from pipeline.render import cached_kernels, composite_kernels, dominance_kernels, passes
 from tests.render.scenes import camera, random_scene
 
 pytestmark = pytest.mark.skipif(
@@ -44,4 +44,26 @@ def test_blending_uses_whole_vectors(monkeypatch, module, name: str, outputs: tu
     assert len(wide) > 60
     assert len(fused) >= 10
     assert len(scalar_fused) < len(fused)
-    assert np.isfinite(len(lines))
+
+
+def test_cached_machine_code_depends_on_every_kernel_file(tmp_path: Path) -> None:
+    """A changed helper in another file must not leave an old kernel in the cache."""
+    folder = Path(cached_kernels.__file__).parent
+    names = sorted(path.name for path in folder.glob("*_kernels.py"))
+    assert {"tile_kernels.py", "simd_kernels.py", "composite_kernels.py"} <= set(names)
+    stamp = composite_kernels.composite._cache._cache_file._source_stamp
+    assert stamp == cached_kernels.source_digest()
+    for name in names:
+        (tmp_path / name).write_bytes((folder / name).read_bytes())
+    assert _digest_of(tmp_path) == stamp
+    with (tmp_path / "tile_kernels.py").open("a") as file:
+        file.write("# changed")
+    assert _digest_of(tmp_path) != stamp
+
+
+def _digest_of(folder: Path) -> str:
+    """Run the digest as if the package lay in `folder`."""
+    name = str(folder / "cached_kernels.py")
+    namespace = {"__file__": name, "__name__": "copied_kernels"}
+    exec(compile(Path(name).read_text(), name, "exec"), namespace)
+    return namespace["source_digest"]()

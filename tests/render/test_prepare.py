@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from pipeline.geometry import Camera, covariances, look_at
 from pipeline.render import prepare, render_reference
+from pipeline.render.culling import visible_blocks
 from pipeline.render.lens import Lens
-from pipeline.render.passes import visible_blocks
 from pipeline.render.prepare import BLOCK, log2_sigmoid
 from pipeline.scene.gaussians import Gaussians
 from tests.render.scenes import UP, gaussians, random_scene

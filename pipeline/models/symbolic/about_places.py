@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from pipeline.models.symbolic.answer import UNKNOWN, Answer, stated, unseen, verdict
+from pipeline.models.symbolic.answer import UNKNOWN, Answer, elsewhere, stated, verdict
 from pipeline.models.symbolic.certainty import Certainty
 from pipeline.models.symbolic.knowledge import STRUCTURE
 from pipeline.models.symbolic.perceive import View
@@ -83,9 +83,7 @@ def use(query: Query, view: View) -> Answer:
                 f"You can use the {name}{spaced(f'in the {seen}' if seen else '')}.", sure, view, found[0], name
             )
         return replace(answer, support=answer.support / (1 + rank))
-    if query.measure == "can":
-        return unseen(query, view, "No, I do not see anything for that.")
-    return UNKNOWN
+    return elsewhere(query, view, "No, I do not see anything for that.") if query.measure == "can" else UNKNOWN
 
 
 def purpose(query: Query, view: View) -> Answer:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from pipeline.models.symbolic.answer import UNKNOWN, Answer, stated, unseen, verdict
+from pipeline.models.symbolic.answer import UNKNOWN, Answer, elsewhere, stated, unseen, verdict
 from pipeline.models.symbolic.perceive import View
 from pipeline.models.symbolic.phrases import Link, Phrase, Query
 from pipeline.models.symbolic.relations import gap_m
@@ -56,7 +56,9 @@ def identify(query: Query, view: View) -> Answer:
     target = query.target
     if not (target.links or target.colors or target.extreme or target.named):
         return UNKNOWN
-    found = [m for m in resolve(target, view) if m.fit > FITS]
+    # A thing of the anchor's own name is mostly another part of it.
+    anchors = frozenset[str]().union(*(link.anchor.exact for link in target.links if link.relation in SEVERAL))
+    found = [m for m in resolve(target, view) if m.fit > FITS and view.things[m.index].name not in anchors]
     if not found:
         return unseen(query, view, f"I do not see anything{spaced(link_words(target))}.")
     best = [m for m in found if m.fit > AS_GOOD * found[0].fit]
@@ -79,7 +81,7 @@ def exists(query: Query, view: View) -> Answer:
     found = [m for m in resolve(target, view) if m.fit > FITS]
     wanted = wanted_number(query.words)
     if len(found) < (wanted or 1):
-        return unseen(query, view, f"No, I do not see {'that many' if wanted else described(target)}.")
+        return elsewhere(query, view, f"No, I do not see {'that many' if wanted else described(target)}.")
     if wanted:
         return verdict("Yes", f"there are {number_word(len(found))} {target.words}", True, view, found[0])
     name = target.words or view.things[found[0].index].name

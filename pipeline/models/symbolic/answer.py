@@ -61,6 +61,14 @@ def verdict(word: str, sentence: str, sure: bool, view: View, match: Match) -> A
     return answer if sure else replace(answer, certainty=Certainty.HEDGED)
 
 
+def elsewhere(query: Query, view: View, sentence: str) -> Answer:
+    """Return `unseen`; where a view shows another room than the one asked about, that none is seen there stands."""
+    seen = room_of(view)
+    if query.target.room and seen and seen != query.target.room and not query.target.links:
+        return Answer(sentence, Certainty.UNSEEN, 0.0, "no", room=seen)
+    return unseen(query, view, sentence)
+
+
 def unseen(query: Query, view: View, sentence: str) -> Answer:
     """Return that a thing is not seen, or that one cannot tell where its surroundings are not in view either."""
     anchors = [end for link in query.target.links for end in (link.anchor, link.other) if end is not None]

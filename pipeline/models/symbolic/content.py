@@ -71,6 +71,12 @@ def content_of(text: str) -> Content:
             content.add(name)
             at += step
             continue
+        if word in ("left", "right"):
+            # "on the right" names a side, not something one is on.
+            relations.discard("on")
+            relations.add(word)
+            at += 1
+            continue
         value = number(word)
         if value is not None and word not in EMPTY:
             numbers.add(value)

@@ -38,13 +38,15 @@ def _mark(question: str, reference: str, prediction: str) -> int:
         return _mark_verdict(asked, wanted, given)
     if wanted.numbers:
         return _mark_numbers(asked, wanted, given)
+    for kind in ("colors", "states", "relations"):
+        values: frozenset[str] = getattr(wanted, kind)
+        if values and not wanted.words - values:
+            return _mark_sets(values, getattr(given, kind))
     if wanted.words and wanted.words <= asked.words:
         # A choice among what the question offers: "the blue couch" is also named by "the couch".
         chosen = given.words & asked.words
-        return SAME if chosen and chosen <= wanted.words and not given.words - asked.words - wanted.words else WRONG
-    if wanted.colors and not wanted.words - wanted.colors - asked.words:
-        return _mark_sets(wanted.colors, given.colors)
-    if wanted.states and wanted.states & opposite_of(given.states):
+        return SAME if chosen and chosen <= wanted.words and given.words <= asked.words else WRONG
+    if wanted.states & opposite_of(given.states):
         return WRONG
     return _mark_words(asked, wanted, given)
 
@@ -77,6 +79,8 @@ def _mark_words(asked: Content, wanted: Content, given: Content) -> int:
     reference = wanted.words - asked.words or wanted.words
     prediction = given.words - (asked.words - reference)
     mark = _mark_sets(reference, prediction)
+    if mark == PARTLY and reference - prediction <= wanted.colors and not given.colors - wanted.colors:
+        mark = MORE
     if wanted.relations and given.relations and not wanted.relations & given.relations and mark > LITTLE:
         return LITTLE
     if mark == SAME and given.relations - wanted.relations - asked.relations and wanted.relations:

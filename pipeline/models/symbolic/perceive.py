@@ -90,6 +90,8 @@ class View:
     contacts: Mapping[tuple[int, int], float] = field(default_factory=dict)
     """(upper, lower) indices of things that touch, upper one over the lower in the image: share of the upper one's
     lower outline."""
+    covers: Mapping[tuple[int, int], float] = field(default_factory=dict)
+    """(front, back) indices of things of which one covers part of the other: share of the outline of the one behind."""
 
     def named(self, names: frozenset[str]) -> list[int]:
         """Return the indices of things that carry one of the names, largest first."""
@@ -139,7 +141,12 @@ def perceive(image: ImagePart) -> View:
     index_of_part = np.full(len(owner) + 1, -1)
     rank = {first: index for index, (_, first) in enumerate(things)}
     index_of_part[:-1] = [rank.get(int(first), -1) for first in owner]
-    return View(tuple(thing for thing, _ in things), _contacts(index_of_part[parts.labels], depth, len(things)))
+    image_of_things = index_of_part[parts.labels]
+    return View(
+        tuple(thing for thing, _ in things),
+        _contacts(image_of_things, depth, len(things)),
+        _covers(image_of_things, depth, len(things)),
+    )
 
 
 def _points(
@@ -233,4 +240,25 @@ def _contacts(
     return {
         (int(pair // count), int(pair % count)): float(n / outline[pair // count])
         for pair, n in zip(pairs, found, strict=True)
+    }
+
+
+def _covers(
+    thing: Int64[np.ndarray, "H W"], depth: Float[np.ndarray, "H W"], count: int
+) -> dict[tuple[int, int], float]:
+    """Count, per pair of things, the outline pixels of one beyond which the other lies nearer."""
+    pairs, outline = [], np.zeros(count, np.int64)
+    for image, z in ((thing, depth), (thing.T, depth.T)):
+        where = np.flatnonzero(image[:-1] != image[1:])
+        first, second = image[:-1].ravel()[where], image[1:].ravel()[where]
+        step = z[1:].ravel()[where] - z[:-1].ravel()[where]
+        limit = jump_limit(z[:-1].ravel()[where])
+        for back, front, nearer in ((first, second, -step), (second, first, step)):
+            outline += np.bincount(back[back >= 0], minlength=count)
+            hidden = (back >= 0) & (front >= 0) & (nearer > limit)
+            pairs.append(front[hidden] * count + back[hidden])
+    found, counts = np.unique(np.concatenate(pairs), return_counts=True)
+    return {
+        (int(pair // count), int(pair % count)): float(n / outline[pair % count])
+        for pair, n in zip(found, counts, strict=True)
     }

@@ -81,12 +81,15 @@ def inside(view: View, a: int, b: int) -> float:
 
 
 def under(view: View, a: int, b: int) -> float:
-    """Return whether a is under b: within its footprint and lower, and b does not hold it."""
+    """Return whether a is under b: within its footprint, lower, down to b's own foot, and not resting on it."""
     lower, upper = view.things[a], view.things[b]
-    if lower.name in STRUCTURE or upper.name in STRUCTURE or inside(view, a, b) or on(view, b, a) or on(view, a, b):
+    if lower.name in STRUCTURE or upper.name in STRUCTURE or view.contacts.get((a, b), 0.0) >= REST_SHARE:
+        return 0.0
+    if inside(view, a, b) or on(view, b, a) or on(view, a, b):
         return 0.0
     lies_lower = lower.high[1] < upper.high[1] - STEP_M and lower.middle[1] < upper.middle[1]
-    return 1.0 if lies_lower and _over(lower, upper, EDGE_M) else 0.0
+    at_foot = lower.low[1] <= upper.low[1] + REST_M
+    return 1.0 if lies_lower and at_foot and _over(lower, upper, EDGE_M) else 0.0
 
 
 def above(view: View, a: int, b: int) -> float:

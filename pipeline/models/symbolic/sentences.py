@@ -13,6 +13,8 @@ from pipeline.models.symbolic.words import singular
 SPOKEN = {"left": "to the left of", "right": "to the right of", "nearest": "nearest to", "farthest": "farthest from"}
 """How relations are said where their name is not how one says it."""
 
+PARTLY_HIDDEN = 0.15
+"""Share of a thing's outline that another must cover for one to say that it is behind it."""
 _ALWAYS_PLURAL = frozenset({"stairs", "blinds", "clothes", "headphones"})
 
 
@@ -103,7 +105,7 @@ def place_of(view: View, index: int, *, without: frozenset[str] = frozenset()) -
             return f"{place} above the {view.things[largest].name}", view.things[largest].clear
         return (f"{place} {beside[0]}", beside[1]) if beside else (place, True)
     for i in sorted(furniture, key=lambda i: (gap_m(thing, view.things[i]), i)):
-        if behind(view, index, i) >= 1.0 and gap_m(thing, view.things[i]) < 0.5:
+        if behind(view, index, i) >= 1.0 and view.covers.get((i, index), 0.0) >= PARTLY_HIDDEN:
             return f"behind the {view.things[i].name}", view.things[i].clear
     if beside:
         return beside

@@ -99,7 +99,7 @@ USES: tuple[tuple[str, str, str], ...] = (
     ("charging", "charge | plug | outlet", "power outlet, power strip"),
     (
         "looking at oneself",
-        "see myself | look myself | reflect- | makeup | shave | comb | hair looks",
+        "see myself | look myself | see face | look face | reflect- | makeup | shave | comb | hair looks",
         "mirror",
     ),
     ("cleaning the floor", "vacuum- | clean floor | sweep | dust", "vacuum- cleaner, broom, dustpan"),

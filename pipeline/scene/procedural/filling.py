@@ -14,6 +14,8 @@ TRIES = 10
 """Positions tried for each thing."""
 APART_M = 0.015
 """Least distance between things in one slot."""
+TO_FRONT = 0.5
+"""Share of things in cabinets and shelves that stand at the front edge."""
 LIFT_M = 0.001
 """Air under a thing: keeps its base from coinciding with what it stands on."""
 
@@ -90,7 +92,10 @@ def put(placer: RoomPlacer, holder: Placed, slot: Slot, model: Model, *, turn: f
         first, last = low[:2] - box[0, :2], high[:2] - box[1, :2]
         if (first > last).any():
             continue
-        at = np.array([*placer.rng.uniform(first, last), low[2] + LIFT_M - model.bounds[0][2]])
+        x, y = placer.rng.uniform(first, last)
+        if slot.relation == "in" and placer.rng.random() < TO_FRONT:
+            y = last[1]
+        at = np.array([x, y, low[2] + LIFT_M - model.bounds[0][2]])
         floor = placer.surfaces["floor"]
         placed = Placed(
             model,

@@ -19,11 +19,11 @@ BOB_M, SWAY_M = 0.025, 0.02
 """Rise and fall, and sideways sway, of a walking head."""
 STEP_M = 0.7
 """Length of a step: the head bobs once a step."""
-DWELL = 3
+DWELL = 2
 """Views taken at every stop, while the person looks around."""
-MODES = {"ahead": 0.33, "glance": 0.44, "down": 0.11, "aside": 0.12}
+MODES = {"ahead": 0.42, "glance": 0.24, "down": 0.16, "aside": 0.18}
 """How often each way of looking is taken up."""
-AIM_ERROR = np.deg2rad(13.0)
+AIM_ERROR = np.deg2rad(17.0)
 """Standard deviation of a glance's direction about the thing glanced at: many things are cut off by the image's edge."""
 NOT_LOOKED_AT = ("floor", "ceiling", "wall", "light switch", "ceiling light")
 """Nobody turns the head for these."""

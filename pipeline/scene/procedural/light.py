@@ -11,7 +11,7 @@ from pipeline.scene.procedural.things import Placed
 
 SKY = np.array([0.05, 0.035, 0.07])
 """How much more light comes from +x, +y and +z than from the other side."""
-AMBIENT = 0.915
+AMBIENT = 0.925
 """Light on a surface that faces sideways, on average."""
 SHADOW_DEPTH, SHADOW_REACH_M = 0.22, 0.15
 """Darkening of the floor under furniture, and how far beside it that fades."""

@@ -11,7 +11,7 @@ RGB = tuple[float, float, float]
 
 PALETTE: dict[str, RGB] = {
     "black": (0.075, 0.075, 0.085),
-    "white": (0.93, 0.93, 0.92),
+    "white": (0.97, 0.97, 0.96),
     "gray": (0.53, 0.535, 0.545),
     "red": (0.80, 0.11, 0.11),
     "green": (0.15, 0.56, 0.20),

@@ -110,6 +110,6 @@ def shower_curtain(rng: np.random.Generator) -> Model:
     color, s = pick(rng, "blue", "white", "green", "pink", "yellow"), Shape()
     paint, h = cloth(color, rng), 1.95
     for k in range(8):
-        s.tube((0, -0.31 + 0.088 * k, 0.0), 0.044, h - 0.03, paint, caps="top")
+        s.tube((0, -0.31 + 0.088 * k, 0.0), 0.056, h - 0.03, paint, caps="top")
     s.rod((0, -0.36, h - 0.01), (0, 0.72, 0), 0.012, metal("gray", rng))
     return Model("shower curtain", color, s)

@@ -21,25 +21,24 @@ def _states(on: bool) -> tuple[str, ...]:
 
 
 def tv(rng: np.random.Generator) -> Model:
-    """Flat television on two feet."""
+    """Flat television on two feet; while it is on, no one colour fits."""
     on, s = rng.random() < 0.5, Shape()
     w, h, dark = float(rng.uniform(0.9, 1.15)), 0.58, flat("black", rng)
     s.board((0, -0.01, 0.06), (w, 0.05, h), dark)
     s.board((0, 0.02, 0.08), (w - 0.05, 0.012, h - 0.05), _screen(on, rng))
     for side in (-1, 1):
         s.board((side * w * 0.3, 0, 0), (0.04, 0.2, 0.06), dark)
-    return Model("tv", "black", s, _states(on), contact="none")
+    return Model("tv", "" if on else "black", s, _states(on), contact="none")
 
 
 def monitor(rng: np.random.Generator) -> Model:
-    """Computer screen on a stand."""
-    on, color, s = rng.random() < 0.5, pick(rng, "black", "black", "gray", "white"), Shape()
-    body = flat(color, rng)
+    """Computer screen on a stand; while it is on, no one colour fits."""
+    on, s, body = rng.random() < 0.5, Shape(), flat("black", rng)
     s.board((0, -0.03, 0), (0.22, 0.16, 0.015), body)
     s.board((0, -0.06, 0.015), (0.05, 0.03, 0.14), body)
     s.board((0, -0.03, 0.12), (0.54, 0.035, 0.34), body)
     s.board((0, -0.009, 0.14), (0.50, 0.01, 0.30), _screen(on, rng))
-    return Model("monitor", color, s, _states(on))
+    return Model("monitor", "" if on else "black", s, _states(on))
 
 
 def laptop(rng: np.random.Generator) -> Model:
@@ -50,10 +49,10 @@ def laptop(rng: np.random.Generator) -> Model:
     if not opened:
         s.board((0, 0, 0.018), (0.34, 0.24, 0.012), body)
         return Model("laptop", color, s, ("closed",))
-    s.board((0, 0.01, 0.018), (0.28, 0.1, 0.003), flat("black" if color != "black" else "gray", rng))
+    s.board((0, 0.015, 0.018), (0.24, 0.08, 0.003), flat("black" if color != "black" else "gray", rng))
     lid = Shape()
     lid.board((0, 0.115, 0), (0.34, 0.23, 0.012), body)
-    lid.board((0, 0.115, -0.004), (0.31, 0.20, 0.004), lit(SCREEN_BLUE))
+    lid.board((0, 0.115, -0.004), (0.25, 0.14, 0.004), lit(SCREEN_BLUE))
     s.merge(lid, at=(0, -0.11, 0.02), tilt=1.85)
     return Model("laptop", color, s, ("open", "on"))
 
@@ -64,7 +63,7 @@ def keyboard(rng: np.random.Generator) -> Model:
     s.board((0, 0, 0), (0.42, 0.14, 0.022), flat(color, rng))
     keys = flat({"black": "gray", "white": "gray", "gray": "black"}[color], rng)
     for row in range(4):
-        s.board((0, -0.048 + 0.032 * row, 0.022), (0.38, 0.02, 0.005), keys)
+        s.board((0, -0.048 + 0.032 * row, 0.022), (0.34, 0.012, 0.005), keys)
     return Model("keyboard", color, s)
 
 

@@ -25,7 +25,7 @@ def door(rng: np.random.Generator, width: float, height: float, *, is_open: bool
 
 
 def window(rng: np.random.Generator) -> Model:
-    """Window with a white frame and a bright sky behind the panes."""
+    """Window with a white frame and a bright sky behind the panes; no one colour fits."""
     s, w, h = Shape(), float(rng.uniform(1.0, 1.5)), float(rng.uniform(1.0, 1.2))
     frame, sky = flat("white", rng), Paint((0.60, 0.79, 0.97), Texture.FABRIC, 0.8, 0.06, 0.0, 1.0)
     s.block((0, 0.012, 0.03), (w - 0.06, 0.024, h - 0.06), sky, skip=("back",))
@@ -34,7 +34,7 @@ def window(rng: np.random.Generator) -> Model:
     for z in (0.0, h - 0.06):
         s.board((0, 0.025, z), (w, 0.05, 0.06), frame, skip=("back",))
     s.board((0, 0.06, -0.04), (w, 0.12, 0.04), frame, skip=("back",))
-    return Model("window", "blue", s, contact="rectangle")
+    return Model("window", "", s, contact="rectangle")
 
 
 def curtain(rng: np.random.Generator) -> Model:
@@ -42,7 +42,7 @@ def curtain(rng: np.random.Generator) -> Model:
     color, s = pick(rng, *FABRIC_COLORS, "white"), Shape()
     paint, h = cloth(color, rng), 2.2
     for k in range(5):
-        s.tube((-0.15 + 0.075 * k, 0.055, 0), 0.042, h - 0.02, paint, caps="top")
+        s.tube((-0.15 + 0.075 * k, 0.055, 0), 0.052, h - 0.02, paint, caps="top")
     s.rod((-0.2, 0.055, h), (0.4, 0, 0), 0.013, metal("gray", rng))
     return Model("curtain", color, s, ("open",))
 
@@ -71,7 +71,7 @@ def mirror(rng: np.random.Generator) -> Model:
     """Mirror: pale gray glass in a frame."""
     s, w, h = Shape(), float(rng.uniform(0.5, 0.7)), float(rng.uniform(0.7, 1.0))
     s.board((0, 0.01, 0), (w, 0.02, h), wood(pick(rng, "brown", "black", "white"), rng), skip=("back",))
-    s.board((0, 0.022, 0.03), (w - 0.06, 0.006, h - 0.06), Paint((0.62, 0.65, 0.67), Texture.FABRIC, 0.5, 0.05, 0.25), skip=("back",))
+    s.board((0, 0.022, 0.03), (w - 0.06, 0.006, h - 0.06), Paint((0.55, 0.57, 0.59), Texture.FABRIC, 0.5, 0.06, 0.10), skip=("back",))
     return Model("mirror", "gray", s, contact="rectangle")
 
 

@@ -68,8 +68,8 @@ def stove(rng: np.random.Generator) -> Model:
     s.block((0, -0.015, 0), (0.6, 0.57, COUNTER_M - 0.01), body, skip=("bottom",))
     for x in (-0.14, 0.14):
         for y in (-0.13, 0.13):
-            s.tube((x, y, COUNTER_M - 0.01), 0.09, 0.012, dark, caps="top")
-    s.board((0, 0.28, 0.22), (0.48, 0.02, 0.4), dark)
+            s.tube((x, y, COUNTER_M - 0.01), 0.08, 0.012, dark, caps="top")
+    s.board((0, 0.28, 0.22), (0.42, 0.02, 0.3), metal("black", rng))
     s.board((0, 0.285, 0.68), (0.46, 0.03, 0.025), metal("gray", rng))
     for k in range(4):
         s.rod((-0.2 + 0.13 * k, 0.27, 0.80), (0, 0.03, 0), 0.02, dark)

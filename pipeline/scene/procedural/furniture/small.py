@@ -24,17 +24,16 @@ def book(rng: np.random.Generator) -> Model:
 
 
 def books(rng: np.random.Generator) -> Model:
-    """Row of upright books seen as one thing; its colour is the widest volume's."""
-    color, s, x = pick(rng, *BRIGHT, "brown"), Shape(), 0.0
-    widths = [float(rng.uniform(0.022, 0.035)) for _ in range(int(rng.integers(4, 7)))]
-    widths.insert(len(widths) // 2, 0.09)
+    """Row of upright books seen as one thing, of many colours."""
+    s, x = Shape(), 0.0
+    widths = [float(rng.uniform(0.022, 0.05)) for _ in range(int(rng.integers(4, 8)))]
     total = sum(widths)
     for w in widths:
-        paint = flat(color if w == 0.09 else pick(rng, *PALETTE), rng)
+        paint = flat(pick(rng, *PALETTE), rng)
         h, d = float(rng.uniform(0.18, 0.23)), float(rng.uniform(0.13, 0.16))
         s.block((x + w / 2 - total / 2, 0, 0), (w - 0.002, d, h), paint, skip=("bottom",))
         x += w
-    return Model("book", color, s)
+    return Model("book", "", s)
 
 
 def cup(rng: np.random.Generator) -> Model:
@@ -105,7 +104,7 @@ def water_pitcher(rng: np.random.Generator) -> Model:
 
 
 def clock(rng: np.random.Generator) -> Model:
-    """Round wall clock; its colour is the rim's. Its back is the plane y = 0."""
+    """Round wall clock with a white face and a coloured rim."""
     color, s = pick(rng, "black", "red", "blue", "brown", "green"), Shape()
     rim = flat(color, rng)
     s.rod((0, 0, 0.15), (0, 0.04, 0), 0.15, rim, caps="none")
@@ -114,7 +113,7 @@ def clock(rng: np.random.Generator) -> Model:
     hand = flat("black", rng)
     s.board((0, 0.05, 0.15), (0.014, 0.006, 0.08), hand)
     s.board((0.03, 0.05, 0.143), (0.06, 0.006, 0.014), hand)
-    return Model("clock", color, s)
+    return Model("clock", "white", s)
 
 
 def alarm_clock(rng: np.random.Generator) -> Model:
@@ -214,9 +213,9 @@ def purse(rng: np.random.Generator) -> Model:
 
 
 def decoration(rng: np.random.Generator) -> Model:
-    """Stack of coloured balls as a figurine; its colour is the largest ball's."""
+    """Stack of balls as a figurine."""
     color, s = pick(rng, *BRIGHT), Shape()
-    s.ball((0, 0, 0.05), 0.05, flat(color, rng))
-    s.ball((0, 0, 0.125), 0.034, metal("gray", rng))
-    s.ball((0, 0, 0.178), 0.022, flat(pick(rng, *BRIGHT), rng))
+    s.ball((0, 0, 0.06), 0.06, flat(color, rng))
+    s.ball((0, 0, 0.14), 0.034, flat(color, rng))
+    s.ball((0, 0, 0.192), 0.022, metal("gray", rng))
     return Model("decoration", color, s)

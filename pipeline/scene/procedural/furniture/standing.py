@@ -76,7 +76,7 @@ def broom(rng: np.random.Generator) -> Model:
     """Broom standing upright."""
     color, s = pick(rng, "red", "blue", "green", "yellow", "orange"), Shape()
     s.block((0, 0, 0), (0.3, 0.08, 0.14), flat(color, rng), skip=("bottom",), top=(0.7, 0.6))
-    s.tube((0, 0, 0.14), 0.014, 1.1, wood("brown", rng), caps="top")
+    s.tube((0, 0, 0.14), 0.014, 1.1, flat(color, rng), caps="top")
     return Model("broom", color, s)
 
 

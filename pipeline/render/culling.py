@@ -1,0 +1,43 @@
+"""Which blocks of a prepared scene a camera may see."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Int32
+
+from pipeline.geometry import Camera
+from pipeline.render.cull_kernels import cull
+from pipeline.render.lens import Lens
+from pipeline.render.prepare import PreparedGaussians
+
+WIDEST_BOUND = 3.34
+"""Just over sqrt(2 ln 255): standard deviations at which a Gaussian of opacity 1 falls to alpha 1/255."""
+LOW_PASS_PX = 0.55
+"""Just over sqrt(0.3): what the low-pass adds to a projected deviation, at most."""
+
+
+def visible_blocks(prepared: PreparedGaussians, camera: Camera, lens: Lens, near: float) -> Int32[np.ndarray, "b"]:
+    """Return the blocks that may hold a Gaussian this camera sees, ascending; never leaves one out.
+
+    A Gaussian reaches pixel 0 only if fx X + cx Z + k (s fx sqrt(1 + l^2) + Z sqrt(.3)) >= 0, with s its largest
+    deviation, l the clamp limit and k the widest bound. That is a plane in camera space shifted by the block's reach;
+    likewise for the other three sides.
+    """
+    spread = WIDEST_BOUND * LOW_PASS_PX
+    (fx, fy), (cx, cy) = lens.focal, lens.principal
+    reach_x = WIDEST_BOUND * fx * np.hypot(1.0, max(map(abs, lens.x_limits)))
+    reach_y = WIDEST_BOUND * fy * np.hypot(1.0, max(map(abs, lens.y_limits)))
+    local = np.array(
+        [
+            [0.0, 0.0, 1.0],
+            [fx, 0.0, cx + spread],
+            [-fx, 0.0, camera.width - cx + spread],
+            [0.0, fy, cy + spread],
+            [0.0, -fy, camera.height - cy + spread],
+        ]
+    )
+    normals = local @ lens.rotation
+    offsets = -normals @ lens.center - np.array([near, 0.0, 0.0, 0.0, 0.0])
+    sides = np.column_stack([normals, offsets, [0.0, reach_x, reach_x, reach_y, reach_y]])
+    kept = np.empty(len(prepared.block_reach), np.int32)
+    return kept[: cull(prepared.block_centers, prepared.block_halves, prepared.block_reach, sides, kept)]

@@ -1,0 +1,38 @@
+"""Buffers that frames share: fresh memory costs a page fault per page, which is a tenth of a frame."""
+
+from __future__ import annotations
+
+from threading import local
+
+import numpy as np
+from jaxtyping import Shaped, UInt8
+
+_GROWTH = 1.25
+"""Spare room of a new buffer, so that views of similar size do not each ask for a larger one."""
+
+
+class Workspace(local):
+    """Named scratch arrays of one thread, kept from frame to frame; what they hold between uses is undefined."""
+
+    def __init__(self) -> None:
+        self._buffers: dict[str, UInt8[np.ndarray, "bytes"]] = {}
+
+    def array(self, name: str, size: int, dtype: type[np.generic]) -> Shaped[np.ndarray, "size"]:
+        """Return a one-dimensional array of `size` elements; it is the same memory until more is asked for."""
+        needed = size * np.dtype(dtype).itemsize
+        if name not in self._buffers or self._buffers[name].nbytes < needed:
+            self._buffers[name] = np.empty(int(needed * _GROWTH) + 64, np.uint8)
+        return self._buffers[name][:needed].view(dtype)
+
+    def clear(self) -> None:
+        """Give this thread's memory back."""
+        self._buffers.clear()
+
+    def fill(self, byte: int) -> None:
+        """Overwrite every buffer: nothing may depend on what an earlier frame left."""
+        for buffer in self._buffers.values():
+            buffer[:] = byte
+
+
+WORKSPACE = Workspace()
+"""The scratch memory of whichever thread asks."""

@@ -1,0 +1,63 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from schemas import plan as plan_module
+from schemas.answers import ANSWERS
+from schemas.errors import InputError
+from schemas.parts import encode_part
+from schemas.plan import PlannedUnit, encode_plan, iter_plan
+from schemas.questions import Question
+from tests.workers.fake_steps import unit
+
+characters = st.characters(exclude_categories=["Cs"])
+texts = st.text(characters, min_size=1, max_size=20).filter(lambda text: bool(text.strip()))
+questions = st.builds(
+    Question,
+    question_id=texts,
+    scene=texts,
+    task=st.sampled_from(["eqa", "ground_one", "ground_many"]),
+    question=texts,
+    answer=st.none() | texts,
+    extra_answers=st.lists(texts, max_size=2).map(tuple),
+    category=st.just("") | texts,
+    target_ids=st.none() | st.lists(st.integers(0, 2**40), max_size=3).map(tuple),
+)
+
+
+@settings(max_examples=40, deadline=None)
+@given(chunks=st.lists(st.lists(questions, min_size=1, max_size=4), min_size=1, max_size=4))
+def test_plan_reads_back_as_it_was_written(
+    chunks: list[list[Question]], tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    units = [
+        PlannedUnit(f"id{i}", i, chunk[0].scene, "/scenes/a b", "f" * 64, "splatreasoner", tuple(chunk))
+        for i, chunk in enumerate(chunks)
+    ]
+    path = tmp_path_factory.mktemp("plan") / "plan.parquet"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plan_module, "ROW_GROUP_ROWS", 3)
+        path.write_bytes(encode_plan(units))
+    assert list(iter_plan(path)) == units
+
+
+def test_plan_is_the_same_bytes_every_time() -> None:
+    units = [unit(i, ["a", "b"]) for i in range(3)]
+    assert encode_plan(units) == encode_plan(units)
+
+
+def test_units_are_read_as_they_are_needed(tmp_path: Path) -> None:
+    path = tmp_path / "plan.parquet"
+    path.write_bytes(encode_plan([unit(i, ["a", "b"]) for i in range(5)]))
+    assert next(iter(iter_plan(path))).id == "unit0"
+
+
+def test_table_that_is_no_plan_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "plan.parquet"
+    path.write_bytes(encode_part(ANSWERS, []))
+    with pytest.raises(InputError, match=r"plan.parquet: table: expected plan, found answers"):
+        list(iter_plan(path))
