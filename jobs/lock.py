@@ -44,14 +44,15 @@ class RunLock:
         self._beat = threading.Thread(target=self._keep_beating, name="run-lock", daemon=True)
 
     def __enter__(self) -> RunLock:
+        path = storage.local_path(self._uri)
+        present = storage.exists(self._uri)
         holder = read_lock(self._uri)
         if holder is not None and _alive(holder):
             raise StopError(
                 f"{self._uri}: another driver is at work on this run (process {holder.get('pid')} on "
                 f"{holder.get('host')}); stop it first"
             )
-        path = storage.local_path(self._uri)
-        if path is None or holder is not None:
+        if path is None or present:
             storage.write_bytes_atomic(self._uri, self._content())
         else:
             self._create(path)
@@ -66,13 +67,16 @@ class RunLock:
             path.unlink(missing_ok=True)
 
     def _create(self, path: Path) -> None:
+        """Put the whole lock in place where there is none; of two drivers at once, one succeeds."""
+        aside = path.with_name(f".{path.name}.{self._owner}.tmp")
         path.parent.mkdir(parents=True, exist_ok=True)
+        aside.write_bytes(self._content())
         try:
-            handle = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY)
+            os.link(aside, path)
         except FileExistsError as error:
             raise StopError(f"{self._uri}: another driver began at the same moment; try again") from error
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(self._content())
+        finally:
+            aside.unlink()
 
     def _keep_beating(self) -> None:
         while not self._ended.wait(BEAT_S):

@@ -44,7 +44,7 @@ class AnswerRow:
     answer: str
     """Final answer text."""
     arm: str
-    """Which arm verification chose: "initial", "final" or, over several clusters, "mixed"; empty when nothing differed."""
+    """Arm that verification chose: initial, final or, over several clusters, mixed; empty with nothing to verify."""
     frames: int
     """Views given to the model for the final answer."""
     model: str

@@ -76,9 +76,9 @@ def _hdbscan(points: Float[np.ndarray, "n 3"], config: ClusterConfig) -> Int64[n
     # The import pulls in scikit-learn, more than a second: only a job that clusters pays it.
     from hdbscan import HDBSCAN
 
-    # Measured (benchmarks of this stage): the exact spanning tree costs no more than the approximate one, and
-    # one job avoids starting processes, which cost seconds in every call. Points are moved to their mean, since
-    # the library's distances lose digits far from the origin.
+    # The exact spanning tree costs no more than the approximate one here. One job: the library's default starts
+    # processes in every call, which takes seconds (docs/decisions/0003). Points are moved to their mean, since
+    # distances lose digits far from the origin.
     model = HDBSCAN(
         min_cluster_size=config.min_cluster_size,
         min_samples=min(config.min_samples, len(points) - 1),

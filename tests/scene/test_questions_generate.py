@@ -13,7 +13,8 @@ from pipeline.scene.objects import SceneObject
 from pipeline.scene.questions import EQA_MAKERS, GROUNDING_MAKERS, generate_questions
 from pipeline.scene.questions.draft import Draft
 from pipeline.scene.questions.generate import choose
-from pipeline.scene.questions.spatial import front_of
+from pipeline.scene.questions.phrases import Describer
+from pipeline.scene.questions.spatial import front_of, spatial
 from pipeline.scene.questions.world import build_world
 from schemas.questions import Question
 from tests.scene.home import (
@@ -201,6 +202,34 @@ def test_front_of_a_thing_at_a_wall_points_into_the_room(home: tuple[SceneObject
     assert desk is not None
     np.testing.assert_allclose(desk, [0, -1], atol=1e-9)
     assert table is None
+
+
+def test_sides_agree_with_the_turn_from_one_object_to_the_other(home: tuple[SceneObject, ...]) -> None:
+    world = build_world(home, ROOMS)
+    drafts = list(spatial(world, Describer(world), np.random.default_rng(0)))
+    walks = [d for d in drafts if d.kind == "side seen by a walker"]
+    faced = [d for d in drafts if d.kind == "side of a thing one faces"]
+    assert min(len(walks), len(faced)) > 5
+    for draft in walks:
+        thing, start, goal = (np.array(home[i].center) for i in draft.targets)
+        turn = np.cross(goal - start, thing - start)[2]
+        assert draft.answer == ("On the left" if turn > 0 else "On the right")
+    backpack = [d for d in faced if [home[i].category for i in d.targets] == ["backpack", "desk"]]
+    assert {d.answer for d in backpack} == {"To the right"}
+
+
+def test_closer_answers_agree_with_distances(home: tuple[SceneObject, ...]) -> None:
+    world = build_world(home, ROOMS)
+    describer = Describer(world)
+    texts = {phrase.text: i for i in world.askable for phrase in describer.plain[i]}
+    drafts = [d for d in spatial(world, describer, np.random.default_rng(0)) if d.kind == "closer"]
+    assert len(drafts) > 10
+    for draft in drafts:
+        _, anchor = draft.targets
+        match = re.search(r"(?:, |: |^Is )the (.+) or the (.+?)(?: closer to the .+)?\?$", draft.question)
+        assert match, draft.question
+        nearest = min(match.groups(), key=lambda text: float(world.layout.distance[anchor, texts[text]]))
+        assert draft.answer == f"The {nearest}"
 
 
 def test_a_scan_gets_no_question_whose_answer_is_that_nothing_is_there(home: tuple[SceneObject, ...]) -> None:

@@ -57,7 +57,7 @@ def identify(query: Query, view: View) -> Answer:
     if not (target.links or target.colors or target.extreme or target.named):
         return UNKNOWN
     # A thing of the anchor's own name is mostly another part of it.
-    anchors = frozenset[str]().union(*(link.anchor.exact for link in target.links if link.relation in SEVERAL))
+    anchors = frozenset[str]().union(*(link.anchor.exact for link in target.links if target.anything))
     found = [m for m in resolve(target, view) if m.fit > FITS and view.things[m.index].name not in anchors]
     if not found:
         return unseen(query, view, f"I do not see anything{spaced(link_words(target))}.")

@@ -15,8 +15,10 @@ UPRIGHT_OVERLAP = 0.5
 """Share of the narrower part's width that must lie over the other for them to be one upright thing."""
 STANDS_OUT_M = 0.15
 """How far one part of an upright thing may stand out before the other, as a lamp's shade does."""
+WITHIN_M = 0.08
+"""A part whose middle lies this close to the box of another of the same name belongs to it."""
 OCCLUDED_SHARE = 0.5
-"""Share of the pixels between two parts that must lie nearer than both."""
+"""Share of the pixels between two parts that must lie before them or on them."""
 NEAREST = 48
 """Pixels of each part tried for where two parts are closest."""
 PROBES = 16
@@ -40,16 +42,17 @@ def merge_parts(
         mergeable: Parts that may be an object with others; false for walls and the like, which are everywhere.
     """
     owner = np.arange(len(parts.category))
-    for first in np.flatnonzero(mergeable):
+    for first in np.flatnonzero(mergeable).tolist():
         same = np.flatnonzero(parts.category[first + 1 :] == parts.category[first]) + first + 1
-        for second in same:
+        for second in same.tolist():
             if owner[second] == owner[first]:
                 continue
             gap = np.maximum(0.0, np.maximum(low[first] - high[second], low[second] - high[first]))
-            upright = _one_upright_thing(low[np.array([first, second])], high[np.array([first, second])], gap)
-            if upright or (
-                np.linalg.norm(gap) <= HIDDEN_GAP_M
-                and _cut_by_something_nearer(parts, depth_m, int(first), int(second))
+            pair = np.array([first, second])
+            if (
+                _one_upright_thing(low[pair], high[pair], gap)
+                or _one_within_the_other(low[pair], high[pair])
+                or (np.linalg.norm(gap) <= HIDDEN_GAP_M and _cut_by_something(parts, depth_m, mergeable, first, second))
             ):
                 old, new = max(owner[first], owner[second]), min(owner[first], owner[second])
                 owner[owner == old] = new
@@ -67,8 +70,20 @@ def _one_upright_thing(
     return bool(stacked and overlap[0] >= UPRIGHT_OVERLAP * narrow[0])
 
 
-def _cut_by_something_nearer(parts: Parts, depth_m: Float[np.ndarray, "H W"], first: int, second: int) -> bool:
-    """Walk from one part to the other where they are closest and ask what lies between."""
+def _one_within_the_other(low: Float[np.ndarray, "2 3"], high: Float[np.ndarray, "2 3"]) -> bool:
+    """Specks of a thing that another is drawn over, and the folds of a curtain, lie inside the box of the rest."""
+    middle = 0.5 * (low + high)
+    inside = (middle >= low[::-1] - WITHIN_M) & (middle <= high[::-1] + WITHIN_M)
+    return bool(inside.all(axis=1).any())
+
+
+def _cut_by_something(
+    parts: Parts, depth_m: Float[np.ndarray, "H W"], mergeable: Bool[np.ndarray, "P"], first: int, second: int
+) -> bool:
+    """Walk from one part to the other where they are closest and ask what lies between.
+
+    A thing before them or on them cuts them apart; the wall or floor beyond is seen between two things.
+    """
     width = depth_m.shape[1]
     ends = []
     for part in (first, second):
@@ -80,10 +95,12 @@ def _cut_by_something_nearer(parts: Parts, depth_m: Float[np.ndarray, "H W"], fi
     start, stop = ends[0][nearest[0]], ends[1][nearest[1]]
     fraction = (np.arange(PROBES) + 0.5) / PROBES
     row, column = np.rint(start + fraction[:, None] * (stop - start)).astype(np.int64).T
-    between = (parts.labels[row, column] != first) & (parts.labels[row, column] != second)
+    met = parts.labels[row, column]
+    between = (met != first) & (met != second)
     if not between.any():
         return False
     expected = depth_m[start[0], start[1]] * (1 - fraction) + depth_m[stop[0], stop[1]] * fraction
     found = depth_m[row, column]
-    nearer = (found > 0) & (found < expected - 0.5 * jump_limit(expected))
-    return bool(nearer[between].mean() > OCCLUDED_SHARE)
+    building = (met < 0) | ~mergeable[met]
+    margin = np.where(building, -0.5, 0.5) * jump_limit(expected)
+    return bool(((found > 0) & (found < expected + margin))[between].mean() > OCCLUDED_SHARE)

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int64
 
 from pipeline.models.messages import ImagePart
 from pipeline.models.symbolic.components import Parts, find_parts, jump_limit
-from pipeline.models.symbolic.knowledge import DOORS, OPENING, STRUCTURE
+from pipeline.models.symbolic.knowledge import DOORS, LIGHTS, OPENING, STRUCTURE
 from pipeline.models.symbolic.merge import merge_parts
 from pipeline.models.symbolic.shapes import free_edges, hollow
 from pipeline.scene.color_names import COLOR_NAMES, name_colors
@@ -31,6 +31,10 @@ CUT_FACTOR = 2.0
 """A thing that the image border cuts must show this much more to be recognised: its outline says less."""
 TRIM = 0.04
 """Share of samples dropped at each end of an extent: blended edge pixels lie between two surfaces."""
+GLARE = 0.96
+"""Brightness from which on a light shines rather than being lit."""
+MATTE_SHARE = 0.1
+"""Share of a light that must not shine for its colour to be read there."""
 MAX_PIXELS = 320 * 240
 """Larger views are read at a whole-number stride: the patches above do not need more."""
 LEVEL_VIEW = 0.1
@@ -129,7 +133,7 @@ def perceive(image: ImagePart) -> View:
             parts.bounds[members],
             (low[members].min(axis=0), high[members].max(axis=0)),
             points[samples],
-            names[samples],
+            _matte(seen.vocabulary[parts.category[first]], names[samples], bright[samples]),
             bright[samples],
             depth.shape,
         )
@@ -184,7 +188,7 @@ def _thing(
     bounds: Int64[np.ndarray, "G 4"],
     box: tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]],
     points: Float[np.ndarray, "S 3"],
-    colors: Int64[np.ndarray, "S"],
+    colors: Int64[np.ndarray, "C"],
     bright: Float[np.ndarray, "S"],
     shape: tuple[int, ...],
 ) -> Thing | None:
@@ -212,6 +216,12 @@ def _thing(
         high=box[1],
         distance=float(np.sqrt(np.partition((points**2).sum(axis=1), len(points) // 2)[len(points) // 2])),
     )
+
+
+def _matte(name: str, colors: Int64[np.ndarray, "S"], bright: Float[np.ndarray, "S"]) -> Int64[np.ndarray, "C"]:
+    """Leave out what shines of a light: glare has no colour of its own, the rest of the light does."""
+    dim = bright < GLARE
+    return colors[dim] if name in LIGHTS and dim.mean() >= MATTE_SHARE else colors
 
 
 def _shaped(

@@ -20,6 +20,23 @@ _FIND = frozenset(
 _MAY = frozenset({"can", "could", "should", "would", "do", "might", "to"})
 _PERSON = frozenset({"i", "we", "you", "one", "someone", "somebody", "me", "my", "us", "they"})
 _NEED = frozenset({"use", "used", "go", "need", "want"})
+_PLACE_TO = frozenset(
+    {
+        "next",
+        "close",
+        "closer",
+        "closest",
+        "near",
+        "nearer",
+        "nearest",
+        "left",
+        "right",
+        "opposite",
+        "adjacent",
+        "compared",
+    }
+)
+"""Words whose "to" leads to a place."""
 _SOMETHING = frozenset({"something", "anything", "somewhere", "anywhere", "place", "way"})
 _PAIRS = {
     "left right": ({"left"}, {"right"}),
@@ -74,12 +91,18 @@ class _Asked:
     def opens(self, *phrases: str) -> bool:
         return any(self.text.startswith(f" {phrase} ") for phrase in phrases)
 
+    @cached_property
+    def to_do(self) -> bool:
+        """Whether a "to" stands before something to be done, as in "something to read", not in "next to"."""
+        pairs = zip(("", *self.words), self.words, strict=False)
+        return any(word == "to" and before not in _PLACE_TO for before, word in pairs)
+
     def for_somebody(self, looking: frozenset[str]) -> bool:
         """Return whether somebody wants to do something other than to look for a thing."""
         for before, person, verb in zip(self.words, self.words[1:], (*self.words[2:], ""), strict=False):
             if before in _MAY and person in _PERSON:
                 return verb not in looking
-        return "to" in self.has and bool(_NEED & self.has)
+        return self.to_do and bool(_NEED & self.has)
 
     def names_early(self, groups: int) -> bool:
         return any(group.tag == "noun" for group in self.groups[:groups])
@@ -129,7 +152,7 @@ _RULES: tuple[tuple[Kind, str, Callable[[_Asked], bool]], ...] = (
     ("which", "extreme", lambda q: q.first in _WHAT and q.extreme_of_a_noun()),
     ("which", "extreme", lambda q: q.first == "which" and q.names_early(5)),
     ("identify", "", lambda q: q.first in _WHAT),
-    ("use", "can", lambda q: q.first in AUXILIARY and "to" in q.has and bool(q.has & _SOMETHING)),
+    ("use", "can", lambda q: q.first in AUXILIARY and q.to_do and bool(q.has & _SOMETHING)),
     ("exists", "", lambda q: q.opens("is there", "are there", "do you see", "can you see", "can i see", "is any")),
     ("exists", "", lambda q: q.first == "does" and "have" in q.has),
     ("use", "can", lambda q: q.first in _MAY and q.for_somebody(frozenset({"say", "see"}))),

@@ -216,7 +216,7 @@ class _Reader:
         for group in self._groups[index + 1 :]:
             if group.tag in ("noun", "any"):
                 return True
-            if group.tag in ("relation", "pause", "room") or group.text in BE | _RELATIVE | {"or", "it"}:
+            if group.tag in ("relation", "pause", "room") or group.text in BE | _RELATIVE | {"or", "it", "of"}:
                 return False
         return False
 

@@ -163,8 +163,10 @@ def _state_fit(state: str, view: View, index: int) -> float:
 
 
 def _room_fit(room: str, view: View, index: int) -> float:
+    """Doubt a room only where another shows several signs and it shows none: kitchens hold dining tables too."""
     seen = room_of(view, index) if room else ""
-    return OTHER_ROOM if seen and seen != room else 1.0
+    other = seen and seen != room and room_signs(view, seen) > 1 and not room_signs(view, room)
+    return OTHER_ROOM if other else 1.0
 
 
 def _link_fit(link: Link, view: View, index: int, depth: int) -> tuple[float, float | None]:

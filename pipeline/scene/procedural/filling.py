@@ -14,7 +14,7 @@ TRIES = 10
 """Positions tried for each thing."""
 APART_M = 0.015
 """Least distance between things in one slot."""
-TO_FRONT = 0.5
+TO_FRONT = 0.8
 """Share of things in cabinets and shelves that stand at the front edge."""
 LIFT_M = 0.001
 """Air under a thing: keeps its base from coinciding with what it stands on."""
@@ -63,8 +63,8 @@ def fill(
     return placed
 
 
-SMALL_CONTENTS = ("ball", "cup", "bottle", "candle", "alarm_clock", "toilet_roll", "decoration", "mouse", "water_bottle")
-LARGE_CONTENTS = (*SMALL_CONTENTS, "shoe", "book", "stuffed_animal", "headphones", "bowl", "hat", "clothes", "telephone")
+SMALL_CONTENTS = ("ball", "bottle", "water_bottle", "toilet_roll", "decoration", "bottle")
+LARGE_CONTENTS = (*SMALL_CONTENTS, "shoe", "book", "stuffed_animal", "water_pitcher", "bowl", "hat", "clothes", "purse")
 
 
 def fill_container(placer: RoomPlacer, holder: Placed) -> None:

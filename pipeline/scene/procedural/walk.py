@@ -14,6 +14,8 @@ from pipeline.scene.procedural.placement import Home
 
 STOPS = (2, 4)
 """Places visited in each room, least and most (exclusive)."""
+ROOMY = 3
+"""Cells of free floor around a stop that count as enough."""
 APART_M = 0.9
 """Least distance between the stops in one room, where there is room for it."""
 
@@ -98,7 +100,10 @@ def _places(grid: FloorGrid, layout: Layout, number: int, count: int, rng: np.ra
     room = layout.rooms[number]
     x, y = grid.centers()
     inside = ((x > room.low[0]) & (x < room.high[0]))[:, None] & ((y > room.low[1]) & (y < room.high[1]))[None, :]
-    free = rng.permutation(np.argwhere(inside & ~grid.blocked))
+    open_floor = inside & ~grid.blocked
+    free = rng.permutation(np.argwhere(open_floor))
+    # People stop where there is room around them, not with the nose at a door: open places come first.
+    free = free[np.argsort(-_freedom(open_floor)[free[:, 0], free[:, 1]].clip(max=ROOMY), kind="stable")]
     chosen: list[tuple[int, int]] = []
     for cell in free:
         if len(chosen) == count:
@@ -106,6 +111,20 @@ def _places(grid: FloorGrid, layout: Layout, number: int, count: int, rng: np.ra
         if all(np.hypot(*(cell - other)) * CELL_M >= APART_M for other in chosen):
             chosen.append((int(cell[0]), int(cell[1])))
     return chosen
+
+
+def _freedom(free: Bool[np.ndarray, "X Y"]) -> Int[np.ndarray, "X Y"]:
+    """How many cells away the nearest blocked one is, up to ROOMY."""
+    depth = np.zeros(free.shape, np.int64)
+    for _ in range(ROOMY):
+        depth += free
+        grown = free.copy()
+        grown[1:] &= free[:-1]
+        grown[:-1] &= free[1:]
+        grown[:, 1:] &= free[:, :-1]
+        grown[:, :-1] &= free[:, 1:]
+        free = grown
+    return depth
 
 
 _STEPS = [(i, j, float(np.hypot(i, j))) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]

@@ -13,12 +13,12 @@ from pipeline.scene.questions.names import FIXTURES, count_word, may_be_called, 
 from pipeline.scene.questions.phrases import Describer
 from pipeline.scene.questions.world import UNCOLORED, Phrase, World
 
-_WHOLE = ("the {text}", "this is the {text}", "find the {text}", "please show me the {text}", "I mean the {text}")
+_WHOLE = ("the {text}", "{this} the {text}", "find the {text}", "please show me the {text}", "I mean the {text}")
 _SPLIT = (
-    "this is {a_noun}. {it} {be} {where}",
+    "{this} {a_noun}. {it} {be} {where}",
     "there {be} {a_noun} {where}",
     "{a_noun} that {be} {where}",
-    "the object is {a_noun}. you find it {where}",
+    "the {object} {be} {a_noun}. you find {them} {where}",
 )
 _SEVERAL = ("the {g}", "all the {g}", "find all {g}", "all of the {g}", "every one of the {g}")
 _COUNTED = ("the {n} {g}", "all {n} {g}")
@@ -125,11 +125,21 @@ def group_where(group: Phrase, count: int) -> str:
 
 def declare(phrase: Phrase, rng: np.random.Generator) -> str:
     """Return a description as a sentence or a noun phrase."""
-    if phrase.where and phrase.place not in ("closest to", "farthest from") and rng.integers(2):
-        it = "they" if phrase.be == "are" else "it"
-        noun = with_article(phrase.noun, phrase.category)
-        return worded(rng, _SPLIT, a_noun=noun, where=phrase.where, be=phrase.be, it=it)
-    return worded(rng, _WHOLE, text=phrase.text)
+    many = phrase.be == "are"
+    this = "these are" if many else "this is"
+    if not phrase.where or phrase.place in ("closest to", "farthest from") or rng.integers(2):
+        return worded(rng, _WHOLE, text=phrase.text, this=this)
+    return worded(
+        rng,
+        _SPLIT,
+        a_noun=with_article(phrase.noun, phrase.category),
+        where=phrase.where,
+        be=phrase.be,
+        this=this,
+        it="they" if many else "it",
+        them="them" if many else "it",
+        object="objects" if many else "object",
+    )
 
 
 def _may_exist(world: World, phrase: Phrase) -> bool:

@@ -17,7 +17,7 @@ STRUCTURE = frozenset({"wall", "floor", "ceiling"})
 
 FIXTURES = names(
     "window, door, doorframe, curtain, shower, blinds, counter, sink, bathtub, toilet, cabinet, radiator, mirror, "
-    "fireplace, stairs"
+    "fireplace, stairs, switch, outlet, rail, vent, hood, light, shelf, board, whiteboard"
 )
 """Things built in or too large to have been left somewhere."""
 

@@ -23,11 +23,11 @@ def _inside(w: float, d: float, bottom: float, top: float, wall: float) -> Slot:
 def box(rng: np.random.Generator) -> Model:
     """Box, open at the top or closed by a lid."""
     color, s = pick(rng, *BOX_COLORS), Shape()
-    w, d, h = (float(v) for v in rng.uniform((0.26, 0.22, 0.16), (0.42, 0.34, 0.27)))
+    w, d, h = (float(v) for v in rng.uniform((0.28, 0.24, 0.13), (0.44, 0.36, 0.22)))
     paint = flat(color, rng)
     if rng.random() < 0.65:
         s.hollow((0, 0, 0), (w, d, h), 0.012, paint)
-        return Model("box", color, s, ("open",), (_inside(w, d, 0.012, h + 0.08, 0.012),), contact="rectangle")
+        return Model("box", color, s, ("open",), (_inside(w, d, 0.012, h + 0.22, 0.012),), contact="rectangle")
     s.block((0, 0, 0), (w - 0.02, d - 0.02, h - 0.05), paint, skip=("bottom", "top"))
     s.block((0, 0, h - 0.05), (w, d, 0.05), paint)
     return Model("box", color, s, ("closed",), (Slot("on", (-w / 2 + 0.03, -d / 2 + 0.03, h), (w / 2 - 0.03, d / 2 - 0.03, h + 0.3)),), contact="rectangle")
@@ -44,23 +44,23 @@ def storage_container(rng: np.random.Generator) -> Model:
 def basket(rng: np.random.Generator) -> Model:
     """Woven basket, open at the top."""
     color, s = pick(rng, "brown", "brown", "white", "gray", "orange"), Shape()
-    w, d, h = float(rng.uniform(0.32, 0.42)), 0.30, float(rng.uniform(0.2, 0.28))
+    w, d, h = float(rng.uniform(0.34, 0.44)), 0.32, float(rng.uniform(0.15, 0.22))
     s.hollow((0, 0, 0), (w, d, h), 0.018, wicker(color, rng))
-    return Model("basket", color, s, ("open",), (_inside(w, d, 0.018, h + 0.08, 0.018),), contact="rectangle")
+    return Model("basket", color, s, ("open",), (_inside(w, d, 0.018, h + 0.22, 0.018),), contact="rectangle")
 
 
 def laundry_basket(rng: np.random.Generator) -> Model:
     """Tall open basket for washing."""
     color, s = pick(rng, "white", "blue", "green", "pink", "gray"), Shape()
-    w, d, h = 0.44, 0.36, float(rng.uniform(0.36, 0.48))
+    w, d, h = 0.46, 0.38, float(rng.uniform(0.3, 0.38))
     s.hollow((0, 0, 0), (w, d, h), 0.018, wicker(color, rng))
-    return Model("laundry basket", color, s, ("open",), (_inside(w, d, 0.018, h - 0.01, 0.018),), contact="rectangle")
+    return Model("laundry basket", color, s, ("open",), (_inside(w, d, 0.018, h + 0.1, 0.018),), contact="rectangle")
 
 
 def crate(rng: np.random.Generator) -> Model:
     """Slatted wooden crate, open at the top."""
     color, s = pick(rng, "brown", "red", "blue", "green"), Shape()
-    w, d, h = 0.46, 0.34, 0.3
+    w, d, h = 0.46, 0.36, 0.3
     paint = flat(color, rng)
     s.board((0, 0, 0), (w, d, 0.015), paint)
     for k in range(3):
@@ -68,17 +68,17 @@ def crate(rng: np.random.Generator) -> Model:
         for side in (-1, 1):
             s.board((0, side * (d / 2 - 0.008), z), (w, 0.016, 0.08), paint)
             s.board((side * (w / 2 - 0.008), 0, z), (0.016, d - 0.04, 0.08), paint)
-    return Model("crate", color, s, ("open",), (_inside(w, d, 0.016, h + 0.05, 0.02),), contact="rectangle")
+    return Model("crate", color, s, ("open",), (_inside(w, d, 0.016, h + 0.15, 0.02),), contact="rectangle")
 
 
 def trash_can(rng: np.random.Generator) -> Model:
     """Round bin, open at the top and wider there."""
     color, s = pick(rng, "black", "gray", "white", "green", "blue", "red"), Shape()
-    h, r = float(rng.uniform(0.3, 0.42)), 0.13
+    h, r = float(rng.uniform(0.24, 0.34)), 0.13
     paint = flat(color, rng)
     s.tube((0, 0, 0), r, h, paint, tip=1.25, caps="bottom")
     s.tube((0, 0, 0.015), r * 0.93, h - 0.02, paint, tip=1.27, caps="bottom")
-    return Model("trash can", color, s, ("open",), (Slot("in", (-0.08, -0.08, 0.02), (0.08, 0.08, h - 0.02)),))
+    return Model("trash can", color, s, ("open",), (Slot("in", (-0.09, -0.09, 0.02), (0.09, 0.09, h + 0.12)),))
 
 
 def bucket(rng: np.random.Generator) -> Model:

@@ -1,0 +1,138 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import yaml
+
+from jobs.cli import VERBS
+from jobs.config import JobConfig
+from jobs.submit import submit
+from tests.conftest import ROOT
+from tests.jobs.conftest import MakeJob
+from tests.workers.fake_steps import STEPS
+
+HELP_S = 0.4
+"""The promise is instant help; imports of numba or Ray would cost seconds."""
+
+
+def run(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    code = "import sys; from jobs.cli import main; sys.argv[0] = 'splatreasoner'; main()"
+    command = [sys.executable, "-c", code, *map(str, arguments)]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
+
+
+def one_line(text: str) -> str:
+    (line,) = text.strip().splitlines()
+    return line
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_help_of_every_verb_shows_an_example(verb: str) -> None:
+    found = run(verb, "--help")
+    assert found.returncode == 0, found.stderr
+    assert "Example" in found.stdout
+    assert f"splatreasoner {verb}" in found.stdout
+
+
+def test_help_is_instant_and_names_every_verb() -> None:
+    best = float("inf")
+    for _ in range(5):
+        start = time.monotonic()
+        found = run("--help")
+        best = min(best, time.monotonic() - start)
+        if best < HELP_S:
+            break
+    assert best < HELP_S
+    assert all(verb in found.stdout for verb in VERBS)
+
+
+@pytest.mark.parametrize("arguments", [(), ("nonsense",), ("submit",), ("render", "x"), ("demo", "--scenes", "0")])
+def test_wrong_usage_exits_2(arguments: tuple[str, ...]) -> None:
+    assert run(*arguments).returncode == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("submit", "none.yaml"), "error: none.yaml: expected a file that can be read, found nothing there"),
+        (("resume", "none"), "error: none: expected a run folder with run.json, found none"),
+        (("status", "none"), "error: none: expected a run folder with run.json, found none"),
+        (("aggregate", "none"), "error: none: expected a run folder with run.json, found none"),
+        (("report", "none"), "error: none: expected a run folder with run.json, found none"),
+        (("render", "none", "--output", "x"), "error: none: expected a scene folder, found nothing there"),
+        (("build", "--output", "x"), "error: build: expected one of --scannet-mesh and --procedural, found both or"),
+    ],
+)
+def test_bad_input_is_one_line_without_a_traceback_and_exits_2(arguments: tuple[str, ...], message: str) -> None:
+    found = run(*arguments)
+    assert found.returncode == 2
+    assert one_line(found.stderr).startswith(message)
+
+
+def test_check_exits_2_when_a_scene_cannot_be_used(tmp_path: Path) -> None:
+    (tmp_path / "gaussians.ply").write_bytes(b"ply\n")
+    found = run("check", tmp_path)
+    assert found.returncode == 2
+    assert "NOT USABLE" in found.stdout
+    assert found.stderr == ""
+
+
+def test_job_file_errors_name_file_and_field_and_exit_2(tmp_path: Path) -> None:
+    (tmp_path / "job.yaml").write_text("name: x\noutput: run\nscenes: none\nlimit: 0\nfoo: 1\n")
+    found = run("submit", tmp_path / "job.yaml")
+    assert found.returncode == 2
+    first, second = found.stderr.strip().splitlines()
+    assert "job.yaml: limit: expected greater than or equal to 1, found 0" in first
+    assert "job.yaml: top level: expected one of name, " in second
+
+
+@pytest.fixture
+def finished(make_scene: Callable[..., Path], make_job: MakeJob) -> JobConfig:
+    """A run of fake steps with one failed question."""
+    make_scene("a", ["q", "no evidence", "z", "y"])
+    job = make_job()
+    submit(job, steps=STEPS)
+    return job
+
+
+def test_submit_and_resume_of_a_finished_run_exit_0(finished: JobConfig, tmp_path: Path) -> None:
+    file = tmp_path / "job.yaml"
+    file.write_text(yaml.safe_dump(finished.model_dump(mode="json", exclude={"method", "models"})))
+    for arguments in (("submit", file), ("resume", finished.output)):
+        found = run(*arguments)
+        assert found.returncode == 0, found.stderr
+        assert "4 of 4 questions committed (3 answered, 1 failed)" in found.stdout
+
+
+def test_status_tells_how_far_a_run_is(finished: JobConfig) -> None:
+    found = run("status", finished.output)
+    assert found.returncode == 0
+    assert found.stdout.splitlines()[:5] == [
+        "test: complete",
+        "units: 2 of 2 committed",
+        "questions: 4 of 4 committed",
+        "  answered: 3",
+        "  failed: 1",
+    ]
+    assert "failed with QuestionError: 1" in found.stdout
+
+
+def test_aggregate_prints_scores_and_writes_the_final_tables(finished: JobConfig) -> None:
+    for file in Path(finished.output, "results").iterdir():
+        file.unlink()
+    found = run("aggregate", finished.output)
+    assert found.returncode == 0, found.stderr
+    assert "LLM-Match" in found.stdout
+    assert {p.name for p in Path(finished.output, "results").iterdir()} == {"answers.parquet", "arms.parquet"}
+    assert "answers.parquet: 4 rows" in found.stdout
+
+
+def test_report_writes_a_page(finished: JobConfig) -> None:
+    found = run("report", finished.output)
+    assert found.returncode == 0, found.stderr
+    assert Path(one_line(found.stdout)).read_text().startswith("<!doctype html>".upper()[:2])
