@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -11,6 +11,7 @@ from typing import Any
 from jobs.config import JobConfig, WorkersConfig
 from jobs.events import EventLog
 from jobs.progress import Progress
+from jobs.signals import Stopping
 from schemas.manifest import commit_unit, committed_units, damage
 from schemas.run_folder import RunFolder
 from schemas.tables import TABLES
@@ -46,7 +47,7 @@ def drive(
     steps: Steps,
     events: EventLog,
     progress: Progress,
-    should_stop: Callable[[], bool],
+    stopping: Stopping,
 ) -> Driven:
     """Do the units of a run that are not committed; the caller holds the run's lock.
 
@@ -66,7 +67,8 @@ def drive(
         pending = (unit for unit in run.units() if unit.id not in done)
         gathering: dict[str, list[Tables | None]] = {}
         with _backend(work, steps, config.workers) as (backend, limits):
-            for outcome in dispatch(pending, backend, limits, should_stop=should_stop, note=events.note):
+            stopping.catch()
+            for outcome in dispatch(pending, backend, limits, should_stop=stopping, note=events.note):
                 failed += bool(outcome.error)
                 progress.advance(outcome.error)
                 unit = outcome.unit
@@ -77,7 +79,7 @@ def drive(
                     commit_unit(run.root, unit.id, rows)
                     committed += len(unit.questions)
                     events.note("committed", unit=unit.id, scene=unit.scene, questions=len(unit.questions))
-    stopped = should_stop() and committed < planned
+    stopped = stopping() and committed < planned
     events.note("stopped" if stopped else "ended", done=committed, failed=failed)
     return Driven(planned, committed, failed, stopped)
 
@@ -132,7 +134,7 @@ def _backend(work: Work, steps: Steps, config: WorkersConfig) -> Iterator[tuple[
         from workers.ray_backend import OnRay
 
         limits = _limits(config, slots)
-        spread = OnRay(work, steps, model_actors=config.model_actors, in_flight=limits.in_flight)
+        spread = OnRay(work, steps, model_actors=config.model_actors, in_flight=limits.in_flight, slots=slots)
         try:
             yield spread, limits
         finally:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections import Counter
-from types import TracebackType
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
@@ -52,30 +52,44 @@ class Silent:
 
 
 class Lines:
-    """Plain lines on standard error."""
+    """Plain lines on standard error.
 
-    def __init__(self) -> None:
-        self._total = self._done = self._before = 0
+    Args:
+        clock: Seconds that only grow.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._total = self._done = self._timed = 0
         self._errors: Counter[str] = Counter()
-        self._began = self._spoke = time.monotonic()
+        self._first = self._spoke = clock()
 
     def begin(self, total: int, done: int) -> None:
         """Say how much there is to do."""
-        self._total, self._done, self._before = total, done, done
-        self._began = self._spoke = time.monotonic()
+        self._total, self._done, self._timed = total, done, 0
+        self._spoke = self._clock()
         self.say(f"{total} questions" + (f", {done} done before" if done else ""))
 
     def advance(self, error: str) -> None:
         """Say now and then how far it is."""
+        now = self._clock()
         self._done += 1
         if error:
             self._errors[error] += 1
-        if time.monotonic() - self._spoke >= LINE_S or self._done == self._total:
-            self._spoke = time.monotonic()
-            rate = (self._done - self._before) / max(self._spoke - self._began, 1e-9)
-            left = (self._total - self._done) / rate
+        if self._timed == 0:
+            # Loading the first scene and starting workers says nothing about the rate.
+            self._first = now
+        self._timed += 1
+        if now - self._spoke >= LINE_S or self._done == self._total:
+            self._spoke = now
             errors = f", {self._errors.total()} failed" if self._errors else ""
-            self.say(f"{self._done}/{self._total} questions, {rate:.1f}/s, {left:.0f} s left{errors}")
+            self.say(f"{self._done}/{self._total} questions{self._rate(now)}{errors}")
+
+    def _rate(self, now: float) -> str:
+        if self._timed < 2 or now <= self._first:
+            return ""
+        rate = (self._timed - 1) / (now - self._first)
+        return f", {rate:.1f}/s, {(self._total - self._done) / rate:.0f} s left"
 
     def say(self, text: str) -> None:
         """Write a line."""
@@ -141,23 +155,6 @@ class Bar:
             self._bar = None
         if self._errors:
             self.say("failed questions: " + ", ".join(f"{kind} {n}" for kind, n in self._errors.most_common()))
-
-
-class Shown:
-    """A progress that ends with its block, whatever happens in it.
-
-    Args:
-        progress: What is shown.
-    """
-
-    def __init__(self, progress: Progress) -> None:
-        self._progress = progress
-
-    def __enter__(self) -> Progress:
-        return self._progress
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        self._progress.end()
 
 
 def for_terminal() -> Progress:

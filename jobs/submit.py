@@ -18,7 +18,7 @@ from jobs.lock import RunLock
 from jobs.plan import basis_of, plan_units
 from jobs.progress import Progress, Silent
 from jobs.results import write_results
-from jobs.signals import stop_on_signals
+from jobs.signals import Stopping
 from jobs.versions import package_versions, source_commit
 from schemas import storage
 from schemas.errors import InputError
@@ -112,7 +112,7 @@ def _work(folder: RunFolder, config: JobConfig, steps: Steps, progress: Progress
     events = EventLog(folder.root)
     told: Callable[[], None] = lambda: progress.say("stopping: waiting for the questions in flight")  # noqa: E731
     try:
-        with stop_on_signals(told) as stopping:
+        with Stopping(told) as stopping:
             driven = drive(folder, config, steps, events, progress, stopping)
         if driven.complete:
             write_results(folder.root)

@@ -26,7 +26,7 @@ TICK_S = 1.0
 
 
 class WorkerLostError(RetryError):
-    """The process, actor, node or object that held this question's work is gone."""
+    """The process, actor, node or object that held this question's work or its scene is gone."""
 
 
 class DeadlineError(RetryError):
@@ -158,7 +158,8 @@ def dispatch(
                 told = {"question": question.question_id, "error": kind, "tries": attempt.number}
                 if isinstance(error, RetryError) and attempt.number <= limits.retries:
                     note("retry", **told, message=str(error))
-                    backend.forget(attempt.unit)
+                    if isinstance(error, WorkerLostError):
+                        backend.forget(attempt.unit)
                     attempt.number += 1
                     again.append(attempt)
                     continue

@@ -6,9 +6,11 @@ Model calls of different questions overlap, as far as the window goes; the CPU s
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import Sequence
 from typing import Any
 
+from schemas.calls import TimingRow
 from schemas.plan import PlannedUnit
 from schemas.questions import Question
 from workers.contexts import Recent
@@ -29,6 +31,7 @@ class InProcess:
         self._loop = asyncio.new_event_loop()
         self._caller = steps.make_caller(work)
         self._scenes: Recent[tuple[Any, Any]] = Recent()
+        self._times: dict[str, TimingRow] = {}
 
     def submit(self, unit: PlannedUnit, question: Question) -> asyncio.Task[Tables]:
         """Start a question."""
@@ -66,17 +69,21 @@ class InProcess:
         self._loop.run_until_complete(self._loop.shutdown_asyncgens())
         self._loop.close()
 
-    def _opened(self, uri: str) -> tuple[Any, Any]:
-        scene = self._steps.load(uri)
+    def _opened(self, unit: PlannedUnit) -> tuple[Any, Any]:
+        start = time.perf_counter()
+        scene = self._steps.load(unit.scene_uri)
+        self._times[unit.scene_uri] = TimingRow("", unit.scene, "load", time.perf_counter() - start, 1)
         return self._steps.open_context(scene), self._steps.vocabulary(scene)
 
     async def _answer(self, unit: PlannedUnit, question: Question) -> Tables:
         steps, method = self._steps, self._work.method
-        context, vocabulary = self._scenes.get(unit.scene_uri, lambda: self._opened(unit.scene_uri))
+        context, vocabulary = self._scenes.get(unit.scene_uri, lambda: self._opened(unit))
         evidence = await steps.find_evidence(question, vocabulary, self._caller, method)
         proposal = steps.propose(context, question, evidence, method)
         decision = await steps.decide(question, proposal, self._caller, method)
         rows = steps.conclude(context, question, evidence, proposal, decision, method)
         if self._work.images:
             save_thumbnails(self._work.images, steps.thumbnails(proposal, rows))
-        return steps.tables(rows)
+        tables = steps.tables(rows)
+        loading = self._times.pop(unit.scene_uri, None)
+        return tables if loading is None else {**tables, "timings": (loading, *tables.get("timings", ()))}

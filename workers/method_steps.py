@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import Int32, Int64
 
 from schemas.questions import Question
 from schemas.run_folder import image_name
@@ -37,6 +41,34 @@ def open_context(scene: Scene) -> SceneContext:
     from pipeline.tasks.method import SceneContext
 
     return SceneContext(scene)
+
+
+@dataclass(frozen=True, slots=True)
+class IndexPart:
+    """Rows of the visibility index, in three arrays: many small ones would cost more to pass on than to use."""
+
+    views: Int32[np.ndarray, "n"]
+    """Views, numbered as in the scene."""
+    starts: Int64[np.ndarray, "n+1"]
+    """Where the ids of each view begin."""
+    ids: Int32[np.ndarray, "_"]
+    """Dominant Gaussians of all these views."""
+
+
+def index_views(context: SceneContext, config: MethodConfig, part: int, parts: int) -> tuple[IndexPart, int]:
+    """Return every `parts`-th row of the visibility index, from row `part` on, and the number of rows."""
+    index = context.index(config.visibility)
+    views = np.arange(part, len(index), parts, dtype=np.int32)
+    rows = [index.ids(int(view)) for view in views]
+    starts = np.concatenate([[0], np.cumsum([len(row) for row in rows], dtype=np.int64)])
+    return IndexPart(views, starts, np.concatenate([np.empty(0, np.int32), *rows])), len(views)
+
+
+def adopt_index(context: SceneContext, config: MethodConfig, part: IndexPart) -> None:
+    """Take over rows of the visibility index that another process computed."""
+    index = context.index(config.visibility)
+    for view, start, end in zip(part.views, part.starts[:-1], part.starts[1:], strict=True):
+        index.adopt(int(view), part.ids[start:end])
 
 
 def make_caller(work: Work) -> Caller:
@@ -113,6 +145,8 @@ METHOD_STEPS = Steps(
     load=load,
     vocabulary=vocabulary,
     open_context=open_context,
+    index_views=index_views,
+    adopt_index=adopt_index,
     make_caller=make_caller,
     find_evidence=find_evidence,
     propose=propose,

@@ -34,7 +34,9 @@ class Work:
 class Steps:
     """The functions of a question's DAG; all are module-level, so they pickle by name.
 
-    load runs once a scene and node; open_context once a scene and process; the rest once a question.
+    load runs once a scene, open_context once a scene and process, the steps after index_views once a question.
+    index_views spreads over workers what every process would else compute for itself; a runner with one process
+    leaves it out, since contexts compute what they lack.
     """
 
     load: Callable[[str], Any]
@@ -45,6 +47,10 @@ class Steps:
     """Scene to the per-process context with its caches."""
     make_caller: Callable[[Work], Any]
     """Work to the caller that asks the models."""
+    index_views: Callable[[Any, Any, int, int], tuple[Any, int]]
+    """Context, method config, part and number of parts to that part of the visibility index, and its views."""
+    adopt_index: Callable[[Any, Any, Any], None]
+    """Context, method config and a part from another process: that part need not be computed here."""
     find_evidence: Callable[[Question, Any, Any, Any], Awaitable[Any]]
     """Question, vocabulary, caller, method config to evidence."""
     propose: Callable[[Any, Question, Any, Any], Any]

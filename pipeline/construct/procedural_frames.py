@@ -31,5 +31,6 @@ def rgbd_frames(
     prepared = prepare(scene.gaussians)
     for view in scene.views if views is None else views:
         rendering = render(prepared, view.camera, ("color", "depth", "alpha"), threads=threads)
-        assert rendering.depth is not None and rendering.alpha is not None
+        assert rendering.depth is not None, "it was asked for"
+        assert rendering.alpha is not None, "it was asked for"
         yield color_image(rendering), np.where(rendering.alpha >= SEEN_ALPHA, rendering.depth, np.float32(0.0))

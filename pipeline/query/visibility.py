@@ -87,6 +87,11 @@ class VisibilityIndex:
             self._ids[view] = found
         return found
 
+    def adopt(self, view: int, ids: Int32[np.ndarray, "_"]) -> None:
+        """Take over the ids of a view that another process rendered from the same scene with the same config."""
+        if self._ids[view] is None:
+            self._ids[view] = ids
+
     def build(self) -> None:
         """Render every view that was not rendered yet."""
         for view in range(len(self)):

@@ -25,7 +25,7 @@ from pipeline.render.project_kernels import (
     U,
     V,
 )
-from pipeline.render.simd_kernels import prefetch
+from pipeline.render.simd_kernels import at, prefetch, put
 
 AHEAD = 12
 """Keys between asking for a record and reading it."""
@@ -43,9 +43,9 @@ def row_ends(records, r, tile_row, left, right):
 
     The ellipse's rightmost point lies EXTREME pixels below the centre, its leftmost as far above.
     """
-    slope, inverse_mu, nv = records[r + SLOPE], records[r + INVERSE_MU], records[r + NV]
-    bound, extreme = records[r + BOUND], records[r + EXTREME]
-    u, v = records[r + U] - np.float32(0.5), records[r + V] - np.float32(0.5)
+    slope, inverse_mu, nv = at(records, r + SLOPE), at(records, r + INVERSE_MU), at(records, r + NV)
+    bound, extreme = at(records, r + BOUND), at(records, r + EXTREME)
+    u, v = at(records, r + U) - np.float32(0.5), at(records, r + V) - np.float32(0.5)
     band0 = np.float32(tile_row << TILE_SHIFT) - v
     band1 = band0 + np.float32((1 << TILE_SHIFT) - 1)
     dy = min(max(extreme, band0), band1)
@@ -57,6 +57,12 @@ def row_ends(records, r, tile_row, left, right):
     first = -clamped_floor(-x_left, -((right + 1) << TILE_SHIFT), -(left << TILE_SHIFT)) >> TILE_SHIFT
     last = clamped_floor(x_right, (left << TILE_SHIFT) - 1, ((right + 1) << TILE_SHIFT) - 1) >> TILE_SHIFT
     return first, last
+
+
+@njit(error_model="numpy")
+def row_of(key):
+    """Return the row in the lower half of a key."""
+    return np.int64(key & np.uint64(0xFFFFFFFF))
 
 
 @njit(error_model="numpy")
@@ -76,48 +82,48 @@ def list_tiles(
     (rows + 1, columns + 1) counts those above and to the left. `ends` gets the key at which `pairs` was
     too full for one more record (or `last`), the number of pairs and the number of records touched.
     """
-    used, kept = 0, 0
+    used, kept = np.int64(0), np.int64(0)
     room = pairs.size - (last_row - first_row) * columns
     for k in range(first, last):
-        ahead = np.int64(keys[min(k + AHEAD, last - 1)] & np.uint64(0xFFFFFFFF))
+        ahead = row_of(at(keys, min(k + AHEAD, last - 1)))
         prefetch(rectangles, ahead * 2)
-        ahead = np.int64(keys[min(k + AHEAD // 2, last - 1)] & np.uint64(0xFFFFFFFF))
-        if several(rectangles[2 * ahead]) and several(rectangles[2 * ahead + 1]):
+        ahead = row_of(at(keys, min(k + AHEAD // 2, last - 1)))
+        if several(at(rectangles, 2 * ahead)) and several(at(rectangles, 2 * ahead + 1)):
             prefetch(records, ahead * RECORD)
-        record = np.int64(keys[k] & np.uint64(0xFFFFFFFF))
-        left, right = np.int64(rectangles[2 * record] & 0xFFFF), np.int64(rectangles[2 * record] >> 16)
-        upper = max(np.int64(rectangles[2 * record + 1] & 0xFFFF), first_row)
-        lower = min(np.int64(rectangles[2 * record + 1] >> 16), last_row - 1)
         if used > room:
             ends[0], ends[1], ends[2] = k, used, kept
             return
+        record = row_of(at(keys, k))
+        across, down = at(rectangles, 2 * record), at(rectangles, 2 * record + 1)
+        left, right = np.int64(across & 0xFFFF), np.int64(across >> 16)
+        upper, lower = (
+            max(np.int64(down & 0xFFFF), first_row) - first_row,
+            min(np.int64(down >> 16), last_row - 1) - first_row,
+        )
         # Most records behind a finished wall go here: four loads, no loop.
-        high, low = (upper - first_row) * (columns + 1), (lower + 1 - first_row) * (columns + 1)
+        above, below = upper * (columns + 1), (lower + 1) * (columns + 1)
         if upper > lower or (
-            live_sums[low + right + 1] - live_sums[low + left] - live_sums[high + right + 1] + live_sums[high + left]
+            at(live_sums, below + right + 1)
+            - at(live_sums, below + left)
+            - at(live_sums, above + right + 1)
+            + at(live_sums, above + left)
             == 0
         ):
             continue
+        put(touched, kept, np.int32(record))
         before = used
         exact = upper < lower and left < right
+        begin, end = left, right
         for tile_row in range(upper, lower + 1):
-            start = (tile_row - first_row) * columns
-            begin, end = left, right
-            while begin <= end and live[start + begin] == 0:
-                begin += 1
-            if begin > end:
-                continue
             if exact:
-                low, high = row_ends(records, record * RECORD, tile_row, left, right)
-                begin, end = max(begin, low), high
-            for tile in range(start + begin, start + end + 1):
-                if live[tile] != 0:
-                    pairs[used] = (np.uint64(tile) << np.uint64(32)) | np.uint64(record)
-                    used += 1
-                    counts[tile] += 1
-        if used > before:
-            touched[kept] = record
-            kept += 1
+                begin, end = row_ends(records, record * RECORD, tile_row + first_row, left, right)
+            for tile in range(tile_row * columns + begin, tile_row * columns + end + 1):
+                # Written in any case, kept where the tile still wants it: no branch to mispredict.
+                put(pairs, used, (np.uint64(tile) << np.uint64(32)) | np.uint64(record))
+                wanted = np.int64(at(live, tile) != 0)
+                put(counts, tile, at(counts, tile) + wanted)
+                used += wanted
+        kept += np.int64(used > before)
     ends[0], ends[1], ends[2] = last, used, kept
 
 
@@ -125,6 +131,8 @@ def list_tiles(
 def scatter(pairs, count, cursors, entries):
     """Write the records of `pairs[:count]` to their tiles' stretches of `entries`, in order; `cursors` move along."""
     for k in range(count):
-        tile = pairs[k] >> np.uint64(32)
-        entries[cursors[tile]] = np.int32(pairs[k] & np.uint64(0xFFFFFFFF))
-        cursors[tile] += 1
+        pair = at(pairs, k)
+        tile = np.int64(pair >> np.uint64(32))
+        place = at(cursors, tile)
+        put(entries, place, np.int32(pair & np.uint64(0xFFFFFFFF)))
+        put(cursors, tile, place + 1)

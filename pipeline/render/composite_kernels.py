@@ -11,7 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.render.cached_kernels import kernel
+from pipeline.render.project_kernels import BLUE, DEPTH, GREEN, RECORD, RED
 from pipeline.render.simd_kernels import (
+    at,
     bits,
     block_columns,
     block_rows,
@@ -23,7 +25,7 @@ from pipeline.render.simd_kernels import (
     splat_at,
     store,
 )
-from pipeline.render.tile_kernels import BATCH, BLOCKS, ENTRY, T_MIN, B, G, R, Z, alpha_of, fill_batch
+from pipeline.render.tile_kernels import BATCH, BLOCKS, T_MIN, alpha_of, copy_vectors, fill_batch
 
 # Floats per block in the state buffer: T, red, green, blue, depth, weight.
 STATE = 48
@@ -45,10 +47,10 @@ def composite(
     """
     state = np.empty(BLOCKS * STATE, np.float32)
     winners = np.empty(BLOCKS * 8, np.int32)
-    batch = np.empty(BATCH * ENTRY, np.float32)
-    rows = np.empty(BATCH, np.int32)
-    lists = np.empty(BLOCKS * BATCH, np.int32)
-    lengths = np.empty(BLOCKS, np.int64)
+    batch = np.empty(BATCH * RECORD, np.float32)
+    rows, words = np.empty(BATCH, np.int32), np.empty(BATCH, np.uint32)
+    lists = np.empty(BLOCKS * BATCH, np.uint8)
+    lengths = np.empty(BLOCKS, np.uint32)
     zero, t_min = splat(np.float32(0.0)), splat(T_MIN)
     for tile in range(first_tile, last_tile):
         alive = live[tile]
@@ -64,15 +66,15 @@ def composite(
                     store(state, s + field * 8, zero)
                 store(winners, block * 8, splat(np.int32(-1)))
         else:
-            state[:] = states[tile * BLOCKS * STATE : (tile + 1) * BLOCKS * STATE]
-            winners[:] = winner_states[tile * BLOCKS * 8 : (tile + 1) * BLOCKS * 8]
+            copy_vectors(states, tile * BLOCKS * STATE, state, 0, BLOCKS * STATE // 8)
+            copy_vectors(winner_states, tile * BLOCKS * 8, winners, 0, BLOCKS)
         begin, end = offsets[tile], offsets[tile + 1]
         while begin < end and alive != 0:
             stop = min(begin + BATCH, end)
-            fill_batch(records, entries, begin, stop, corner_x, corner_y, alive, batch, rows, lists, lengths)
+            fill_batch(records, entries, begin, stop, corner_x, corner_y, alive, batch, rows, words, lists, lengths)
             begin = stop
             for block in range(BLOCKS):
-                length = lengths[block]
+                length = np.int64(lengths[block])
                 if length == 0:
                     continue
                 pixel_x = block_columns() + splat(np.float32((block & 3) * 4))
@@ -83,8 +85,8 @@ def composite(
                 z_sum, best = load(state, s + 32), load(state, s + 40)
                 winner = load(winners, block * 8)
                 for k in range(block * BATCH, block * BATCH + length):
-                    entry = np.int64(lists[k])
-                    e = entry * ENTRY
+                    entry = np.int64(at(lists, k))
+                    e = entry * RECORD
                     a = alpha_of(batch, e, pixel_x, pixel_y)
                     w = a * t
                     after = fma(-a, t, t)
@@ -92,16 +94,16 @@ def composite(
                     w = select(stops, zero, w)
                     t = select(stops, minus_magnitude(t), after)
                     if color is not None:
-                        red = fma(w, splat_at(batch, e + R), red)
-                        green = fma(w, splat_at(batch, e + G), green)
-                        blue = fma(w, splat_at(batch, e + B), blue)
+                        red = fma(w, splat_at(batch, e + RED), red)
+                        green = fma(w, splat_at(batch, e + GREEN), green)
+                        blue = fma(w, splat_at(batch, e + BLUE), blue)
                     if depth is not None:
-                        z_sum = fma(w, splat_at(batch, e + Z), z_sum)
+                        z_sum = fma(w, splat_at(batch, e + DEPTH), z_sum)
                     if dominant is not None:
                         more = w > best
                         best = select(more, w, best)
                         winner = select(more, splat_at(rows, entry), winner)
-                    if bits(t > zero) == 0:
+                    if bits(stops) != 0 and bits(t > zero) == 0:
                         alive &= ~(np.uint32(1) << np.uint32(block))
                         break
                 store(state, s, t)
@@ -112,8 +114,8 @@ def composite(
                 store(state, s + 40, best)
                 store(winners, block * 8, winner)
         if alive != 0 and not closing:
-            states[tile * BLOCKS * STATE : (tile + 1) * BLOCKS * STATE] = state
-            winner_states[tile * BLOCKS * 8 : (tile + 1) * BLOCKS * 8] = winners
+            copy_vectors(state, 0, states, tile * BLOCKS * STATE, BLOCKS * STATE // 8)
+            copy_vectors(winners, 0, winner_states, tile * BLOCKS * 8, BLOCKS)
             live[tile] = alive
             continue
         live[tile] = 0

@@ -10,7 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.render.cached_kernels import kernel
+from pipeline.render.project_kernels import RECORD
 from pipeline.render.simd_kernels import (
+    at,
     bits,
     block_columns,
     block_rows,
@@ -22,7 +24,7 @@ from pipeline.render.simd_kernels import (
     splat_at,
     store,
 )
-from pipeline.render.tile_kernels import ALPHA_CAP, BATCH, BLOCKS, ENTRY, T_MIN, alpha_of, fill_batch
+from pipeline.render.tile_kernels import ALPHA_CAP, BATCH, BLOCKS, T_MIN, alpha_of, copy_vectors, fill_batch
 
 # Floats per block in the state buffer: T, weight.
 STATE = 16
@@ -39,10 +41,10 @@ def dominate(
     """
     state = np.empty(BLOCKS * STATE, np.float32)
     winners = np.empty(BLOCKS * 8, np.int32)
-    batch = np.empty(BATCH * ENTRY, np.float32)
-    rows = np.empty(BATCH, np.int32)
-    lists = np.empty(BLOCKS * BATCH, np.int32)
-    lengths = np.empty(BLOCKS, np.int64)
+    batch = np.empty(BATCH * RECORD, np.float32)
+    rows, words = np.empty(BATCH, np.int32), np.empty(BATCH, np.uint32)
+    lists = np.empty(BLOCKS * BATCH, np.uint8)
+    lengths = np.empty(BLOCKS, np.uint32)
     zero, t_min, cap = splat(np.float32(0.0)), splat(T_MIN), splat(ALPHA_CAP)
     for tile in range(first_tile, last_tile):
         alive = live[tile]
@@ -56,15 +58,15 @@ def dominate(
                 store(state, block * STATE + 8, zero)
                 store(winners, block * 8, splat(np.int32(-1)))
         else:
-            state[:] = states[tile * BLOCKS * STATE : (tile + 1) * BLOCKS * STATE]
-            winners[:] = winner_states[tile * BLOCKS * 8 : (tile + 1) * BLOCKS * 8]
+            copy_vectors(states, tile * BLOCKS * STATE, state, 0, BLOCKS * STATE // 8)
+            copy_vectors(winner_states, tile * BLOCKS * 8, winners, 0, BLOCKS)
         begin, end = offsets[tile], offsets[tile + 1]
         while begin < end and alive != 0:
             stop = min(begin + BATCH, end)
-            fill_batch(records, entries, begin, stop, corner_x, corner_y, alive, batch, rows, lists, lengths)
+            fill_batch(records, entries, begin, stop, corner_x, corner_y, alive, batch, rows, words, lists, lengths)
             begin = stop
             for block in range(BLOCKS):
-                length = lengths[block]
+                length = np.int64(lengths[block])
                 if length == 0:
                     continue
                 pixel_x = block_columns() + splat(np.float32((block & 3) * 4))
@@ -73,8 +75,8 @@ def dominate(
                 best = load(state, block * STATE + 8)
                 winner = load(winners, block * 8)
                 for k in range(block * BATCH, block * BATCH + length):
-                    entry = np.int64(lists[k])
-                    a = alpha_of(batch, entry * ENTRY, pixel_x, pixel_y)
+                    entry = np.int64(at(lists, k))
+                    a = alpha_of(batch, entry * RECORD, pixel_x, pixel_y)
                     w = a * t
                     after = fma(-a, t, t)
                     stops = after < t_min
@@ -90,8 +92,8 @@ def dominate(
                 store(state, block * STATE + 8, best)
                 store(winners, block * 8, winner)
         if alive != 0 and not closing:
-            states[tile * BLOCKS * STATE : (tile + 1) * BLOCKS * STATE] = state
-            winner_states[tile * BLOCKS * 8 : (tile + 1) * BLOCKS * 8] = winners
+            copy_vectors(state, 0, states, tile * BLOCKS * STATE, BLOCKS * STATE // 8)
+            copy_vectors(winners, 0, winner_states, tile * BLOCKS * 8, BLOCKS)
             live[tile] = alive
             continue
         live[tile] = 0

@@ -64,9 +64,10 @@ def render_frame(
     """Return the outputs of one view; arguments are as in `render`, already checked."""
     clock = _Clock(statistics)
     lens = Lens.of(camera)
+    packed = lens.packed(near)
     blocks = visible_blocks(prepared, camera, lens, near)
     clock.lap("cull")
-    table, rectangles, ids, keys = _project(prepared, camera, lens, blocks, near, antialias, threads)
+    table, rectangles, ids, keys = _project(prepared, camera, packed, blocks, antialias, threads)
     clock.lap("project")
     records = Records(table, rectangles, ids, _depth_order(table, ids, keys))
     clock.lap("sort")
@@ -87,7 +88,7 @@ def render_frame(
             slab = bin_slab(records, band, at, size, threads)
             clock.lap("bin")
             if images.color is not None:
-                _shade(prepared, lens, records, slab, sh_degree, threads)
+                _shade(prepared, packed, records, slab, sh_degree, threads)
                 clock.lap("shade")
             closing = slab.last == len(records.keys)
             _composite(slab, records, band, camera, images, states, winners, opening, closing, threads)
@@ -100,9 +101,8 @@ def render_frame(
 def _project(
     prepared: PreparedGaussians,
     camera: Camera,
-    lens: Lens,
+    packed: np.ndarray,
     blocks: Int32[np.ndarray, "b"],
-    near: float,
     antialias: bool,
     threads: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -113,7 +113,7 @@ def _project(
     ids, keys = WORKSPACE.array("ids", rows, np.int32), WORKSPACE.array("keys", rows, np.uint64)
     pieces = split(len(blocks), 1 if threads == 1 else threads * PIECES_PER_THREAD)
     ends = [0] * len(pieces)
-    packed, geometry = lens.packed(near), prepared.geometry.reshape(-1)
+    geometry = prepared.geometry.reshape(-1)
 
     def work(k: int) -> None:
         first, last = pieces[k]
@@ -140,13 +140,14 @@ def _depth_order(table: np.ndarray, ids: np.ndarray, keys: np.ndarray) -> np.nda
     return sort_upper_half(ordered, keys if ordered is spare else spare)
 
 
-def _shade(prepared: PreparedGaussians, lens: Lens, records: Records, slab: Slab, degree: int, threads: int) -> None:
-    sh, means = prepared.sh.reshape(-1), prepared.means.reshape(-1)
-    coefficients = prepared.sh.shape[1]
+def _shade(
+    prepared: PreparedGaussians, packed: np.ndarray, records: Records, slab: Slab, degree: int, threads: int
+) -> None:
+    sh, coefficients = prepared.sh.reshape(-1), prepared.sh.shape[1]
 
     def work(k: int) -> None:
         touched = slab.touched[k]
-        shade(sh, coefficients, means, degree, lens.center, records.ids, touched, len(touched), records.table)
+        shade(sh, coefficients, degree, packed, records.ids, touched, len(touched), records.table)
 
     run_each(work, len(slab.touched), threads)
 

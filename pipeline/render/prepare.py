@@ -45,8 +45,6 @@ class PreparedGaussians:
     """Half the size of that box, metres."""
     block_reach: Float64[np.ndarray, "B"]
     """Largest standard deviation in each block, metres."""
-    means: Float32[np.ndarray, "M 3"]
-    """Centres of all M Gaussians, in scene order, metres."""
     sh: Float32[np.ndarray, "M K 3"]
     """Spherical harmonics of all M Gaussians, in scene order."""
 
@@ -92,7 +90,6 @@ def prepare(gaussians: Gaussians) -> PreparedGaussians:
         block_centers=(low + high) / 2,
         block_halves=(high - low) / 2,
         block_reach=deviations.reshape(-1, BLOCK).max(axis=1),
-        means=gaussians.means,
         sh=gaussians.sh,
     )
     for array in (prepared.geometry, prepared.ids, prepared.block_centers, prepared.block_halves, prepared.block_reach):

@@ -33,7 +33,7 @@ from pipeline.render.simd_kernels import (
     widen,
 )
 
-# Offsets in a record.
+# Offsets in a record. The first vector of eight and the second's first two numbers are what compositing copies.
 U, V, MU, MV, NV, LOG2_OPACITY, DEPTH, RED, GREEN, BLUE, SLOPE, INVERSE_MU, EXTREME, BOUND = range(14)
 RECORD = 16
 

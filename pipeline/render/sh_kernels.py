@@ -1,8 +1,9 @@
 # mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
 """Colours of the records a view kept: spherical harmonics of degree 0 to 3 along the ray from the camera.
 
-Work is split over ranges of the depth order. Coefficients are read from the scene's own array, for records that touch
-an unfinished tile only.
+Work is split over ranges of the depth order; eight records go through every instruction together. Coefficients are
+read from the scene's own array, for records that touch an unfinished tile only. A record's direction follows from its
+pixel, so means are not read again.
 """
 
 from __future__ import annotations
@@ -11,85 +12,110 @@ import numpy as np
 from numba import njit
 
 from pipeline.render.cached_kernels import kernel
-from pipeline.render.project_kernels import BLUE, GREEN, RECORD, RED
-from pipeline.render.simd_kernels import prefetch
+from pipeline.render.project_kernels import BLUE, GREEN, RECORD, RED, U, V
+from pipeline.render.simd_kernels import (
+    at,
+    fma,
+    gather,
+    larger,
+    load,
+    narrow,
+    prefetch,
+    smaller,
+    splat,
+    square_root,
+    store,
+)
 
-AHEAD = 8
-"""Records between asking for a colour and reading it."""
+AHEAD = 16
+"""Records between asking for a colour and reading it: two groups of eight."""
+STEEPEST = np.float32(1e15)
+"""Directions are cut at this tangent: their squares stay within float32, and they are sideways all the same."""
 
 C0 = np.float32(0.28209479177387814)
 C1 = np.float32(0.4886025119029199)
-C2 = tuple(
-    np.float32(c)
-    for c in (1.0925484305920792, -1.0925484305920792, 0.31539156525252005, -1.0925484305920792, 0.5462742152960396)
-)
-C3 = tuple(
-    np.float32(c)
-    for c in (
-        -0.5900435899266435,
-        2.890611442640554,
-        -0.4570457994644658,
-        0.3731763325901154,
-        -0.4570457994644658,
-        1.445305721320277,
-        -0.5900435899266435,
-    )
-)
+C20, C22, C24 = np.float32(1.0925484305920792), np.float32(0.31539156525252005), np.float32(0.5462742152960396)
+C30, C31, C32 = np.float32(0.5900435899266435), np.float32(2.890611442640554), np.float32(0.4570457994644658)
+C33, C35 = np.float32(0.3731763325901154), np.float32(1.445305721320277)
 
 
 @njit(error_model="numpy")
-def basis(degree, x, y, z, out):
-    """Write the harmonics up to `degree` of a unit direction to `out` (16,)."""
-    out[0] = C0
-    if degree > 0:
-        out[1], out[2], out[3] = -C1 * y, C1 * z, -C1 * x
-    if degree > 1:
-        xx, yy, zz = x * x, y * y, z * z
-        out[4], out[5], out[7] = C2[0] * x * y, C2[1] * y * z, C2[3] * x * z
-        out[6] = C2[2] * (np.float32(2.0) * zz - xx - yy)
-        out[8] = C2[4] * (xx - yy)
-        if degree > 2:
-            out[9] = C3[0] * y * (np.float32(3.0) * xx - yy)
-            out[10] = C3[1] * x * y * z
-            out[11] = C3[2] * y * (np.float32(4.0) * zz - xx - yy)
-            out[12] = C3[3] * z * (np.float32(2.0) * zz - np.float32(3.0) * xx - np.float32(3.0) * yy)
-            out[13] = C3[4] * x * (np.float32(4.0) * zz - xx - yy)
-            out[14] = C3[5] * z * (xx - yy)
-            out[15] = C3[6] * x * (xx - np.float32(3.0) * yy)
+def write_basis(degree, x, y, z, basis):
+    """Write the harmonics 1 to (degree + 1)^2 - 1 of eight unit directions, eight lanes each."""
+    if degree < 1:
+        return
+    store(basis, 8, splat(-C1) * y)
+    store(basis, 16, splat(C1) * z)
+    store(basis, 24, splat(-C1) * x)
+    if degree < 2:
+        return
+    xx, yy, zz = x * x, y * y, z * z
+    difference, both = xx - yy, xx + yy
+    store(basis, 32, splat(C20) * (x * y))
+    store(basis, 40, splat(-C20) * (y * z))
+    store(basis, 48, splat(C22) * (zz + zz - both))
+    store(basis, 56, splat(-C20) * (x * z))
+    store(basis, 64, splat(C24) * difference)
+    if degree < 3:
+        return
+    two, three, four = splat(np.float32(2.0)), splat(np.float32(3.0)), splat(np.float32(4.0))
+    store(basis, 72, splat(-C30) * y * (three * xx - yy))
+    store(basis, 80, splat(C31) * (x * y) * z)
+    store(basis, 88, splat(-C32) * y * (four * zz - both))
+    store(basis, 96, splat(C33) * z * (two * zz - three * both))
+    store(basis, 104, splat(-C32) * x * (four * zz - both))
+    store(basis, 112, splat(C35) * z * difference)
+    store(basis, 120, splat(-C30) * x * (xx - three * yy))
 
 
 @kernel
-def shade(sh, coefficients, means, degree, center, ids, touched, count, records):
+def shade(sh, coefficients, degree, lens, ids, touched, count, records):
     """Write the colours of the records `touched[:count]`: max(0, sum + 0.5).
 
-    Takes sh (M * coefficients * 3,) float32, means (M * 3,) float32 in metres, the degree to use (0 to 3, at most what
-    `sh` holds), the camera centre (3,) float64 in metres, and ids (rows,) int32, the Gaussian of each record.
+    Takes sh (M * coefficients * 3,) float32, the degree to use (0 to 3, at most what `sh` holds), lens (21,) float64
+    (see `Lens.packed`) and ids (rows,) int32, the Gaussian of each record.
     """
-    y = np.zeros(16, np.float32)
     used = (degree + 1) * (degree + 1)
-    y[0] = C0
-    for k in range(count):
-        ahead = np.int64(ids[touched[min(k + AHEAD, count - 1)]])
-        for line in range(ahead * coefficients * 3, (ahead * coefficients + used) * 3, 16):
-            prefetch(sh, line)
+    basis = np.empty(16 * 8, np.float32)
+    colors = np.empty(3 * 8, np.float32)
+    places, rows = np.empty(8, np.int64), np.empty(8, np.int64)
+    r00, r01, r02 = narrow(splat(lens[0])), narrow(splat(lens[1])), narrow(splat(lens[2]))
+    r10, r11, r12 = narrow(splat(lens[3])), narrow(splat(lens[4])), narrow(splat(lens[5]))
+    r20, r21, r22 = narrow(splat(lens[6])), narrow(splat(lens[7])), narrow(splat(lens[8]))
+    over_fx, over_fy = splat(np.float32(1.0 / lens[12])), splat(np.float32(1.0 / lens[13]))
+    cx, cy = splat(np.float32(lens[14])), splat(np.float32(lens[15]))
+    zero, one, half = splat(np.float32(0.0)), splat(np.float32(1.0)), splat(np.float32(0.5))
+    steepest = splat(STEEPEST)
+    for start in range(0, count, 8):
+        for lane in range(8):
+            ahead = np.int64(ids[touched[min(start + lane + AHEAD, count - 1)]]) * coefficients * 3
+            for line in range(ahead, ahead + used * 3, 16):
+                prefetch(sh, line)
+            record = np.int64(touched[min(start + lane, count - 1)])
+            rows[lane] = record * RECORD
+            places[lane] = np.int64(ids[record]) * coefficients * 3
+        red = fma(splat(C0), gather(sh, places, 0), half)
+        green = fma(splat(C0), gather(sh, places, 1), half)
+        blue = fma(splat(C0), gather(sh, places, 2), half)
         if degree > 0:
-            prefetch(means, ahead * 3)
-        record = touched[k]
-        gaussian = np.int64(ids[record])
-        if degree > 0:
-            dx = means[gaussian * 3] - center[0]
-            dy = means[gaussian * 3 + 1] - center[1]
-            dz = means[gaussian * 3 + 2] - center[2]
-            inverse = 1.0 / np.sqrt(dx * dx + dy * dy + dz * dz)
-            basis(degree, np.float32(dx * inverse), np.float32(dy * inverse), np.float32(dz * inverse), y)
-        red, green, blue = np.float32(0.5), np.float32(0.5), np.float32(0.5)
-        at = gaussian * coefficients * 3
-        for j in range(used):
-            red += y[j] * sh[at]
-            green += y[j] * sh[at + 1]
-            blue += y[j] * sh[at + 2]
-            at += 3
-        r = record * RECORD
-        records[r + RED] = max(red, np.float32(0.0))
-        records[r + GREEN] = max(green, np.float32(0.0))
-        records[r + BLUE] = max(blue, np.float32(0.0))
+            # Back from the pixel to a ray in camera axes (z = 1), then to a unit direction in the world.
+            u = smaller(larger((gather(records, rows, U) - cx) * over_fx, -steepest), steepest)
+            v = smaller(larger((gather(records, rows, V) - cy) * over_fy, -steepest), steepest)
+            inverse = one / square_root(fma(u, u, fma(v, v, one)))
+            x = fma(r00, u, fma(r10, v, r20)) * inverse
+            y = fma(r01, u, fma(r11, v, r21)) * inverse
+            z = fma(r02, u, fma(r12, v, r22)) * inverse
+            write_basis(degree, x, y, z, basis)
+            for k in range(1, used):
+                b = load(basis, k * 8)
+                red = fma(b, gather(sh, places, k * 3), red)
+                green = fma(b, gather(sh, places, k * 3 + 1), green)
+                blue = fma(b, gather(sh, places, k * 3 + 2), blue)
+        store(colors, 0, larger(red, zero))
+        store(colors, 8, larger(green, zero))
+        store(colors, 16, larger(blue, zero))
+        for lane in range(min(8, count - start)):
+            row = rows[lane]
+            records[row + RED] = at(colors, lane)
+            records[row + GREEN] = at(colors, lane + 8)
+            records[row + BLUE] = at(colors, lane + 16)

@@ -345,3 +345,40 @@ def prefetch(typing_context, array, index):
         return context.get_dummy_value()
 
     return types.none(array, types.intp), emit
+
+
+@intrinsic
+def at(typing_context, array, index):
+    """Return `array[index]`; unlike the brackets, never looks whether the index is negative."""
+
+    def emit(context, builder, sig, args):
+        return builder.load(_element_pointer(context, builder, sig.args[0], *args))
+
+    return array.dtype(array, types.intp), emit
+
+
+@intrinsic
+def gather(typing_context, array, indices, offset):
+    """Return the eight numbers `array[indices + offset]`; indices are int64s in memory, not bounds-checked."""
+
+    def emit(context, builder, sig, args):
+        vector = ir.Constant(ir.VectorType(_F32, LANES), ir.Undefined)
+        for lane in range(LANES):
+            place = ir.Constant(ir.IntType(64), lane)
+            index = builder.load(_element_pointer(context, builder, sig.args[1], args[1], place))
+            pointer = _element_pointer(context, builder, sig.args[0], args[0], builder.add(index, args[2]))
+            vector = builder.insert_element(vector, builder.load(pointer), ir.Constant(_I32, lane))
+        return vector
+
+    return floats8(array, indices, types.intp), emit
+
+
+@intrinsic
+def put(typing_context, array, index, value):
+    """Write `array[index]`; unlike the brackets, never looks whether the index is negative."""
+
+    def emit(context, builder, sig, args):
+        builder.store(args[2], _element_pointer(context, builder, sig.args[0], *args[:2]))
+        return context.get_dummy_value()
+
+    return types.none(array, types.intp, array.dtype), emit

@@ -13,26 +13,24 @@ import numpy as np
 from numba import njit
 
 from pipeline.render.project_kernels import (
-    BLUE,
     BOUND,
-    DEPTH,
-    GREEN,
     INVERSE_MU,
     LOG2_OPACITY,
     MU,
     MV,
     NV,
     RECORD,
-    RED,
     SLACK,
     SLOPE,
     U,
     V,
 )
 from pipeline.render.simd_kernels import (
+    at,
     fma,
     lane_numbers,
     larger,
+    load,
     lowest_bit,
     nibble_shifts,
     prefetch,
@@ -41,19 +39,20 @@ from pipeline.render.simd_kernels import (
     splat,
     splat_at,
     square_root,
+    store,
     truncate,
     union,
 )
 
-BATCH = 128
-"""Records per batch: parameters (8 KB) and lists (16 KB) stay in a 32 KB first-level cache."""
+BATCH = 64
+"""Records per batch: parameters (4 KB) and lists (2 KB) stay in the first-level cache; larger ones stop later."""
 BLOCKS = 32
-# Offsets in a batch entry.
-M_X, M_Y, M_0, N_Y, N_0, LOG2, Z, R, G, B = range(10)
-ENTRY = 16
+# A batch entry is a record, but that m and n at the tile's first pixel centre stand in the place of u and v.
+M_0, N_0 = U, V
 
 ALPHA_CAP = np.float32(0.99)
-ALPHA_MIN = np.float32(1.0 / 255.0)
+LOG2_ALPHA_MIN = np.float32(-np.log2(255.0))
+"""Contributions under 1/255 are dropped; tested before the exponential, where float32 is finest."""
 T_MIN = np.float32(1e-4)
 AHEAD = 8
 """Entries between asking for a record and reading it."""
@@ -73,17 +72,24 @@ E0, E1, E2, E3, E4, E5 = (
 
 
 @njit(error_model="numpy")
+def copy_vectors(source, at_source, target, at_target, count):
+    """Copy `count` vectors of eight."""
+    for k in range(count):
+        store(target, at_target + k * 8, load(source, at_source + k * 8))
+
+
+@njit(error_model="numpy")
 def covered_blocks(records, r, corner_x, corner_y):
     """Return the blocks of a tile that a record's 1/255 ellipse may touch.
 
     Lane i holds pixel rows 2 i and 2 i + 1 of the tile; corner_x, corner_y is the tile's first pixel centre.
     """
     zero, limit = splat(np.float32(0.0)), splat(np.float32(16.0))
-    center = splat(records[r + U] - corner_x)
-    slope, inverse_mu = splat(records[r + SLOPE]), splat(records[r + INVERSE_MU])
-    nv, bound = splat(records[r + NV]), splat(records[r + BOUND])
+    center = splat(at(records, r + U) - corner_x)
+    slope, inverse_mu = splat_at(records, r + SLOPE), splat_at(records, r + INVERSE_MU)
+    nv, bound = splat_at(records, r + NV), splat_at(records, r + BOUND)
     slack, round_up = splat(SLACK), splat(np.float32(1.0) - SLACK)
-    even = fma(lane_numbers(), splat(np.float32(2.0)), splat(corner_y - records[r + V]))
+    even = fma(lane_numbers(), splat(np.float32(2.0)), splat(corner_y - at(records, r + V)))
     odd = even + splat(np.float32(1.0))
     n = nv * even
     room = fma(-n, n, bound)
@@ -109,49 +115,49 @@ def covered_blocks(records, r, corner_x, corner_y):
 
 
 @njit(error_model="numpy")
-def fill_batch(records, entries, begin, end, corner_x, corner_y, live, batch, rows, lists, lengths):
-    """Copy the records `entries[begin:end]` that touch a live block into `batch` and list them by block."""
+def fill_batch(records, entries, begin, end, corner_x, corner_y, live, batch, rows, words, lists, lengths):
+    """Copy the records `entries[begin:end]` that touch a live block into `batch` and list them by block.
+
+    Two passes: the blocks of all entries first, with no branch that depends on them, then the copies and the lists.
+    In one pass every mispredicted loop end would wait for a whole chain of square roots.
+    """
+    for k in range(begin, end):
+        prefetch(records, np.int64(at(entries, min(k + AHEAD, end - 1))) * RECORD)
+        words[k - begin] = covered_blocks(records, np.int64(at(entries, k)) * RECORD, corner_x, corner_y) & live
     for block in range(BLOCKS):
         lengths[block] = 0
     count = 0
     for k in range(begin, end):
-        prefetch(records, np.int64(entries[min(k + AHEAD, end - 1)]) * RECORD)
-        row = np.int64(entries[k])
-        r = row * RECORD
-        word = covered_blocks(records, r, corner_x, corner_y) & live
+        word = at(words, k - begin)
         if word == 0:
             continue
-        e = count * ENTRY
-        dx, dy = corner_x - records[r + U], corner_y - records[r + V]
-        mu, mv, nv = records[r + MU], records[r + MV], records[r + NV]
-        batch[e + M_X] = mu
-        batch[e + M_Y] = mv
+        row = np.int64(at(entries, k))
+        r, e = row * RECORD, count * RECORD
+        dx, dy = corner_x - at(records, r + U), corner_y - at(records, r + V)
+        mu, mv, nv = at(records, r + MU), at(records, r + MV), at(records, r + NV)
+        store(batch, e, load(records, r))
+        store(batch, e + 8, load(records, r + 8))
         batch[e + M_0] = mu * dx + mv * dy
-        batch[e + N_Y] = nv
         batch[e + N_0] = nv * dy
-        batch[e + LOG2] = records[r + LOG2_OPACITY]
-        batch[e + Z] = records[r + DEPTH]
-        batch[e + R] = records[r + RED]
-        batch[e + G] = records[r + GREEN]
-        batch[e + B] = records[r + BLUE]
         rows[count] = row
         while word != 0:
             block = lowest_bit(word)
             word &= word - np.uint32(1)
-            lists[block * BATCH + lengths[block]] = count
-            lengths[block] += 1
+            length = at(lengths, block)
+            lists[block * BATCH + np.int64(length)] = count
+            lengths[block] = length + np.uint32(1)
         count += 1
 
 
 @njit(error_model="numpy")
 def alpha_of(batch, e, pixel_x, pixel_y):
     """Return the alpha of a batch entry at eight pixels (offsets from the tile's corner); 0 where below 1/255."""
-    m = fma(splat_at(batch, e + M_X), pixel_x, fma(splat_at(batch, e + M_Y), pixel_y, splat_at(batch, e + M_0)))
-    n = fma(splat_at(batch, e + N_Y), pixel_y, splat_at(batch, e + N_0))
-    power = fma(-m, m, fma(-n, n, splat_at(batch, e + LOG2)))
-    x = larger(power, splat(np.float32(-9.0)))
+    m = fma(splat_at(batch, e + MU), pixel_x, fma(splat_at(batch, e + MV), pixel_y, splat_at(batch, e + M_0)))
+    n = fma(splat_at(batch, e + NV), pixel_y, splat_at(batch, e + N_0))
+    x = fma(-m, m, fma(-n, n, splat_at(batch, e + LOG2_OPACITY)))
     p = fma(x, fma(x, fma(x, fma(x, fma(x, splat(E5), splat(E4)), splat(E3)), splat(E2)), splat(E1)), splat(E0))
     p = p * p
     p = p * p
     p = smaller(p * p, splat(ALPHA_CAP))
-    return select(p >= splat(ALPHA_MIN), p, splat(np.float32(0.0)))
+    # Lanes under 1/255 may hold anything, infinity too, but not after this.
+    return select(x >= splat(LOG2_ALPHA_MIN), p, splat(np.float32(0.0)))

@@ -9,6 +9,8 @@ from jaxtyping import Shaped, UInt8
 
 _GROWTH = 1.25
 """Spare room of a new buffer, so that views of similar size do not each ask for a larger one."""
+_LINE = 64
+"""Arrays start on a cache line, so that a 64-byte record is one line and not two."""
 
 
 class Workspace(local):
@@ -20,9 +22,11 @@ class Workspace(local):
     def array(self, name: str, size: int, dtype: type[np.generic]) -> Shaped[np.ndarray, "size"]:
         """Return a one-dimensional array of `size` elements; it is the same memory until more is asked for."""
         needed = size * np.dtype(dtype).itemsize
-        if name not in self._buffers or self._buffers[name].nbytes < needed:
-            self._buffers[name] = np.empty(int(needed * _GROWTH) + 64, np.uint8)
-        return self._buffers[name][:needed].view(dtype)
+        if name not in self._buffers or self._buffers[name].nbytes < needed + _LINE:
+            self._buffers[name] = np.empty(int(needed * _GROWTH) + _LINE, np.uint8)
+        buffer = self._buffers[name]
+        start = -buffer.ctypes.data % _LINE
+        return buffer[start : start + needed].view(dtype)
 
     def clear(self) -> None:
         """Give this thread's memory back."""

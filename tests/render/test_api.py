@@ -64,7 +64,7 @@ def test_any_number_of_threads_gives_the_same_bits(outputs: tuple[str, ...]) -> 
 def test_prepared_and_raw_gaussians_give_the_same_bits_and_nothing_is_written() -> None:
     scene, view = random_scene(3), camera()
     prepared = prepare(scene)
-    assert not any(getattr(prepared, name).flags.writeable for name in ("geometry", "ids", "sh", "means"))
+    assert not any(getattr(prepared, name).flags.writeable for name in ("geometry", "ids", "sh", "block_reach"))
     assert_same_bits(render(scene, view), render(prepared, view))
 
 

@@ -58,11 +58,9 @@ def test_the_same_gaussian_twice_is_won_by_the_lower_id(draw) -> None:
 
 
 @pytest.mark.parametrize("draw", [render, render_reference])
-def test_equal_weights_go_to_the_nearest(draw) -> None:
-    """Half opacity in front of nearly 1 behind: both weigh exactly one half."""
-    far_cap = gaussians([[0, 0, 2.0], [0, 0, 2.5]], scales=[[40.0] * 3] * 2, opacity_logits=[0.0, 0.0])
-    weights = draw(far_cap, front_camera())
-    assert (weights.dominant == 0).all()
+def test_a_weaker_gaussian_in_front_loses_to_a_stronger_one_behind(draw) -> None:
+    scene = gaussians([[0, 0, 2.5], [0, 0, 2.0]], scales=40.0, opacity_logits=[9.0, -1.0])
+    assert (draw(scene, front_camera()).dominant == 0).all()
 
 
 def test_gaussians_behind_a_closed_wall_change_nothing() -> None:
@@ -75,7 +73,7 @@ def test_gaussians_behind_a_closed_wall_change_nothing() -> None:
 
 
 def test_gaussians_behind_or_outside_the_view_change_nothing() -> None:
-    scene, view = random_scene(2, 100), front_camera()
+    view = front_camera()
     rng = np.random.default_rng(2)
     ahead = gaussians(np.column_stack([rng.uniform(-1, 1, (50, 2)), rng.uniform(1, 5, 50)]), scales=0.2)
     outside = gaussians(
@@ -95,7 +93,6 @@ def test_gaussians_behind_or_outside_the_view_change_nothing() -> None:
     )
     assert render(ahead, view).alpha.max() > 0.5
     assert_same_bits(render(ahead, view), render(both, view))
-    assert scene is not None
 
 
 def test_visible_ids_are_the_sorted_unique_dominant_ids() -> None:

@@ -20,6 +20,7 @@ from schemas.questions import Question
 from schemas.run_folder import image_name
 from workers.steps import Steps, Tables, Work
 
+VIEWS = 10
 POSE = tuple(float(i) for i in range(12))
 
 
@@ -47,7 +48,16 @@ def vocabulary(scene: dict[str, Any]) -> tuple[str, ...]:
 
 
 def open_context(scene: dict[str, Any]) -> dict[str, Any]:
-    return {"total": float(scene["means"].sum()), "writeable": scene["means"].flags.writeable}
+    return {"total": float(scene["means"].sum()), "writeable": scene["means"].flags.writeable, "index": set()}
+
+
+def index_views(context: dict[str, Any], method: Any, part: int, parts: int) -> tuple[list[int], int]:
+    views = list(range(part, VIEWS, parts))
+    return views, len(views)
+
+
+def adopt_index(context: dict[str, Any], method: Any, part: list[int]) -> None:
+    context["index"] |= set(part)
 
 
 def make_caller(work: Work) -> str:
@@ -83,7 +93,11 @@ def propose(context: dict[str, Any], question: Question, evidence: str, method: 
 
 async def decide(question: Question, proposal: dict[str, Any], caller: str, method: Any) -> str:
     await asyncio.sleep(0)
-    state = " read-only" if "writeable" in question.question and not proposal["writeable"] else ""
+    state = ""
+    if "writeable" in question.question and not proposal["writeable"]:
+        state = " read-only"
+    if "indexed" in question.question:
+        state = f" {len(proposal['index'])} views"
     return f"{proposal['total']:g}{state} {question.question_id}"
 
 
@@ -118,6 +132,8 @@ STEPS = Steps(
     load=load,
     vocabulary=vocabulary,
     open_context=open_context,
+    index_views=index_views,
+    adopt_index=adopt_index,
     make_caller=make_caller,
     find_evidence=find_evidence,
     propose=propose,

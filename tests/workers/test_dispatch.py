@@ -12,7 +12,7 @@ from schemas.errors import InputError, QuestionError, RetryError, StopError
 from schemas.plan import PlannedUnit
 from schemas.questions import Question
 from tests.workers.fake_steps import failed_rows, unit
-from workers.dispatch import DeadlineError, Limits, dispatch
+from workers.dispatch import DeadlineError, Limits, WorkerLostError, dispatch
 
 
 @dataclass
@@ -78,10 +78,11 @@ def test_error_that_will_not_pass_becomes_a_failed_row_without_a_retry(error: Ex
     assert ("traceback" in notes[0][1]) == isinstance(error, ValueError)
 
 
-def test_error_that_may_pass_is_tried_again_and_its_scene_loaded_anew() -> None:
-    backend = FakeBackend(lambda name, attempt: RetryError("busy") if attempt < 3 else {"answers": ()})
+@pytest.mark.parametrize(("error", "forgotten"), [(RetryError("busy"), 0), (WorkerLostError("gone"), 2)])
+def test_error_that_may_pass_is_tried_again_and_a_lost_scene_loaded_anew(error: Exception, forgotten: int) -> None:
+    backend = FakeBackend(lambda name, attempt: error if attempt < 3 else {"answers": ()})
     assert run(backend, [unit(0, ["a"])]) == {"scene0-0": (3, "")}
-    assert backend.forgotten == ["unit0", "unit0"]
+    assert backend.forgotten == ["unit0"] * forgotten
 
 
 def test_error_that_keeps_coming_fails_after_the_last_try() -> None:

@@ -44,7 +44,7 @@ def answers(outcomes: list[Outcome]) -> dict[str, tuple[str, str, str]]:
 def on_ray(work: Work, units: list[PlannedUnit], limits: Limits = LIMITS) -> list[Outcome]:
     from workers.ray_backend import OnRay
 
-    backend = OnRay(work, STEPS, model_actors=2, in_flight=limits.in_flight)
+    backend = OnRay(work, STEPS, model_actors=2, in_flight=limits.in_flight, slots=2)
     try:
         return ended(backend, units, limits)
     finally:
@@ -68,7 +68,7 @@ def test_in_process_and_ray_give_the_same_rows(work: Work, ray_up: Path) -> None
     here, there = in_process(work, units), on_ray(work, units)
     assert answers(here) == answers(there)
     assert {o.error for o in here} == {"", "QuestionError", "ZeroDivisionError", "InputError", "RetryError"}
-    for name in ("arms", "candidates", "timings"):
+    for name in ("arms", "candidates"):
         rows = [
             sorted(repr(row) for outcome in outcomes for row in outcome.tables.get(name, ()))
             for outcomes in (here, there)
@@ -79,6 +79,15 @@ def test_in_process_and_ray_give_the_same_rows(work: Work, ray_up: Path) -> None
 def test_scene_arrays_arrive_in_ray_workers_without_a_copy(work: Work, ray_up: Path) -> None:
     (outcome,) = on_ray(work, [unit(7, ["is it writeable"])])
     assert outcome.tables["answers"][0].answer.startswith("435 read-only")
+
+
+def test_index_of_a_scene_is_computed_in_parts_and_known_to_every_worker(work: Work, ray_up: Path) -> None:
+    found = on_ray(work, [unit(8, ["is it indexed"] * 4)])
+    assert {o.tables["answers"][0].answer.split()[1] for o in found} == {"10"}
+    once = [row for o in found for row in o.tables["timings"] if row.question_id == ""]
+    assert sorted(row.stage for row in once) == ["index", "index", "load"]
+    assert {row.scene for row in once} == {"scene8"}
+    assert sum(row.count for row in once if row.stage == "index") == 10
 
 
 def test_killed_worker_costs_its_question_a_retry_and_nothing_else(work: Work, ray_up: Path) -> None:

@@ -19,6 +19,8 @@ from pipeline.models.symbolic.states import state_of
 
 HOLDS = 0.6
 """Fit from which what is said of a thing holds."""
+PLAINLY_APART_M = 0.15
+"""Difference in height from which on one thing is above or below another."""
 PLAINLY_ASIDE = 0.25
 """Sine of the angle off the line of sight from which on a thing is to one's left or right."""
 CLEARLY_DIFFERENT = 0.15
@@ -112,13 +114,21 @@ def side(query: Query, view: View) -> Answer:
             return UNKNOWN
         seen = _side_of_someone(view, second, faced[0].index, first)
     else:
-        seen = next((relation for relation in pair if DEGREES[relation](view, first, second) >= HOLDS), "")
+        seen = next((relation for relation in pair if _holds(view, relation, first, second)), "")
     if not seen:
         return UNKNOWN
     sure = found[0].fit >= SURE and anchors[0].fit >= SURE and not query.options
     place = f"on the {seen} of" if seen in ("left", "right") else seen
     sentence = f"The {query.target.words} {be(query.target)} {place} the {anchor.words}."
     return stated(sentence, sure, view, found[0], seen)
+
+
+def _holds(view: View, relation: str, first: int, second: int) -> bool:
+    """Where only above and below are in question, height alone decides."""
+    apart = float(view.things[first].middle[1] - view.things[second].middle[1])
+    if relation in ("above", "under") and abs(apart) > PLAINLY_APART_M:
+        return (apart > 0) == (relation == "above")
+    return DEGREES[relation](view, first, second) >= HOLDS
 
 
 def _side_of_someone(view: View, at: int, facing: int, thing: int) -> str:

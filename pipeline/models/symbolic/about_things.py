@@ -9,7 +9,17 @@ from pipeline.models.symbolic.perceive import View
 from pipeline.models.symbolic.phrases import Link, Phrase, Query
 from pipeline.models.symbolic.relations import gap_m
 from pipeline.models.symbolic.resolve import SURE, Match, resolve
-from pipeline.models.symbolic.sentences import be, described, link_words, listed, place_of, plural, spaced, with_article
+from pipeline.models.symbolic.sentences import (
+    ALWAYS_PLURAL,
+    be,
+    described,
+    link_words,
+    listed,
+    place_of,
+    plural,
+    spaced,
+    with_article,
+)
 from pipeline.models.symbolic.words import number, number_word, singular
 
 SEVERAL = frozenset({"on", "in", "under"})
@@ -46,7 +56,8 @@ def count(query: Query, view: View) -> Answer:
     if not found:
         return unseen(query, view, f"I do not see any {noun}.")
     n = len(found)
-    one = singular(noun) if query.target.words else view.things[found[0].index].name
+    one = next((noun for noun in (query.target.words, *query.target.exact) if noun), view.things[found[0].index].name)
+    one = one if one in ALWAYS_PLURAL else singular(one)
     words = f"There is {number_word(1)} {one}" if n == 1 else f"There are {number_word(n)} {plural(one)}"
     return replace(stated(f"{words}.", found[0].fit >= SURE, view, found[0], str(n)), count=n)
 

@@ -107,13 +107,14 @@ def _rooms(query: Query, views: Sequence[View]) -> tuple[int, str] | None:
     seen = []
     for phrase in (query.target, query.options[0]):
         rooms = [
-            (room, i)
+            (found[0].fit, -i, room)
             for i, view in enumerate(views)
             if (found := resolve(phrase, view)) and (room := room_of(view, found[0].index))
         ]
         if not rooms:
             return None
-        seen.append(rooms[0])
+        _, at, room = max(rooms)
+        seen.append((room, -at))
     if seen[0][0] == seen[1][0]:
         return seen[0][1], "Yes, it looks like they are in the same room."
     return seen[0][1], f"No, one is in the {seen[0][0]} and the other in the {seen[1][0]}."

@@ -111,6 +111,10 @@ def _name(words: tuple[str, ...], at: int) -> tuple[int, str]:
         group = words[at : at + length]
         text = " ".join(group)
         if text in ROOM_NAMES:
+            after = words[at + length] if at + length < len(words) else ""
+            if after.isalpha() and after not in EMPTY and (after,) not in RELATIONS:
+                # "bathroom counter" is a counter, not a place in the bathroom.
+                return length + 1, f"{text} {singular(after)}"
             return length, ROOM_NAMES[text]
         name = CANONICAL.get(tuple(singular(word) for word in group))
         if name is not None and not (length == 1 and group[0] in COLORS):

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from pipeline.models.symbolic.certainty import Certainty, certainty_of
 from pipeline.models.symbolic.content import Content, content_of, opposite_of
+from pipeline.models.symbolic.words import tokens
 
 SAME, MORE, PARTLY, LITTLE, WRONG = 5, 4, 3, 2, 1
 """The marks: says the same; the same and more; about half of it; a little of it; something else or nothing."""
@@ -42,7 +43,7 @@ def _mark(question: str, reference: str, prediction: str) -> int:
         values: frozenset[str] = getattr(wanted, kind)
         if values and not wanted.words - values:
             return _mark_sets(values, getattr(given, kind))
-    if wanted.words and wanted.words <= asked.words:
+    if "or" in tokens(question) and wanted.words and wanted.words <= asked.words:
         # A choice among what the question offers: "the blue couch" is also named by "the couch".
         chosen = given.words & asked.words
         return SAME if chosen and chosen <= wanted.words and given.words <= asked.words else WRONG

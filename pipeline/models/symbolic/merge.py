@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float, Int64
 
 from pipeline.models.symbolic.components import Parts, jump_limit
 
-HIDDEN_GAP_M = 0.5
+HIDDEN_GAP_M = 0.4
 """Widest gap bridged behind an occluder: a chair before a bed hides about this much of it."""
 UPRIGHT_GAP_M = 0.45
 """Tallest gap bridged within one upright thing, such as the pole between a lamp's shade and foot."""

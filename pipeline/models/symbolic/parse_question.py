@@ -31,6 +31,7 @@ def parse_question(question: str, vocabulary: tuple[str, ...]) -> Query:
     groups = tag(question, nouns_of(vocabulary))
     words = tuple(word for group in groups if group.tag != "pause" for word in group.text.split())
     kind, measure = kind_of(words, groups)
+    words = tuple(word for group in groups if group.tag not in ("pause", "room") for word in group.text.split())
     reading = read(groups)
     if kind in ("check", "color") and "or" in words and len(set(reading.colors)) > 1:
         kind, measure = "color", "choose"

@@ -99,7 +99,7 @@ class Query:
     said: tuple[str, ...] = ()
     """Colours said of the target after a verb: "is the chair blue"."""
     words: tuple[str, ...] = ()
-    """All words of the question."""
+    """All words of the question but names of rooms, which say where and not what."""
 
 
 NOTHING = Phrase("")

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from jaxtyping import Float
 
 from pipeline.models.symbolic.knowledge import CONTAINERS, GROUND, STRUCTURE, UPRIGHT
 from pipeline.models.symbolic.perceive import Thing, View
@@ -17,18 +18,24 @@ REST_M = 0.12
 """A thing rests on what lies at most this far below its lowest visible point: feet and edges are often hidden."""
 REST_SHARE = 0.3
 """Share of a thing's lower outline that must meet its support."""
+SMALL_BESIDE = 0.25
+"""Share of a thing's volume below which another is small beside it."""
 EDGE_M = 0.1
 """A footprint may stick out this far and still be over, under or in another."""
 NEXT_TO_M = 0.6
 """Things with at most this gap are next to each other: an arm's length."""
 NEAR_M = 1.5
 """Things with at most this gap are near each other: a step and a reach."""
+UNDER_M = 0.4
+"""Something with a larger gap above it is not under what hangs there: a bin under a wall shelf."""
 BEHIND_M = 1.2
 """Something farther than this beyond a thing is no longer said to be behind it."""
 SIDE_M = 2.5
 """Something farther than this to the side is no longer said to be left or right of it."""
 STEP_M = 0.1
 """Smallest difference in place that counts as farther, higher or more to the left."""
+POINT_SPACING_M = 0.05
+"""Kept points lie about this far inside the true edge of a surface."""
 ABOVE_M = 2.0
 """Something higher than this over a thing is no longer said to be above it."""
 HANGING_M = 0.35
@@ -51,8 +58,10 @@ def on(view: View, a: int, b: int) -> float:
     if upper.size[0] > 1.5 * lower.size[0] + EDGE_M:
         return 0.0
     touches = view.contacts.get((a, b), 0.0) >= REST_SHARE
-    level = abs(upper.low[1] - lower.high[1]) <= REST_M and _over(upper, lower, EDGE_M)
-    higher = upper.middle[1] > lower.middle[1]
+    beneath = _beside_axis(upper, lower)
+    level = bool((np.abs(beneath[:, 1] - upper.low[1]) <= REST_M).any())
+    # A pillow is lower than the headboard: beside what is much larger, height says little.
+    higher = upper.middle[1] > lower.middle[1] or float(np.prod(upper.size)) < SMALL_BESIDE * float(np.prod(lower.size))
     return 1.0 if higher and (touches or level) else 0.0
 
 
@@ -76,20 +85,22 @@ def inside(view: View, a: int, b: int) -> float:
     if inner.size[0] > outer.size[0] + EDGE_M or inner.size[1] > outer.size[1] + EDGE_M:
         return 0.0
     below_top = inner.middle[1] < outer.high[1] and inner.low[1] < outer.high[1] - 0.03
-    above_foot = inner.low[1] > outer.low[1] - EDGE_M
-    return 1.0 if below_top and above_foot and _over(inner, outer, EDGE_M) else 0.0
+    above_foot = inner.low[1] > outer.low[1] - 2 * EDGE_M
+    return 1.0 if below_top and above_foot and _over(inner, outer, EDGE_M) and len(_beside_axis(inner, outer)) else 0.0
 
 
 def under(view: View, a: int, b: int) -> float:
-    """Return whether a is under b: within its footprint, lower, down to b's own foot, and not resting on it."""
+    """Return whether a is under b: within its footprint, lower, close to it, and not resting on it."""
     lower, upper = view.things[a], view.things[b]
     if lower.name in STRUCTURE or upper.name in STRUCTURE or view.contacts.get((a, b), 0.0) >= REST_SHARE:
         return 0.0
     if inside(view, a, b) or on(view, b, a) or on(view, a, b):
         return 0.0
     lies_lower = lower.high[1] < upper.high[1] - STEP_M and lower.middle[1] < upper.middle[1]
-    at_foot = lower.low[1] <= upper.low[1] + REST_M
-    return 1.0 if lies_lower and at_foot and _over(lower, upper, EDGE_M) else 0.0
+    close = lower.low[1] <= upper.low[1] + REST_M and upper.low[1] - lower.high[1] <= UNDER_M
+    fits = bool((lower.size[[0, 2]] <= upper.size[[0, 2]] + EDGE_M).all())
+    covered = bool((_beside_axis(lower, upper)[:, 1] > lower.high[1]).any())
+    return 1.0 if lies_lower and close and fits and covered and _over(lower, upper, EDGE_M) else 0.0
 
 
 def above(view: View, a: int, b: int) -> float:
@@ -189,8 +200,23 @@ DEGREES: dict[str, Degree] = {
 
 
 def gap_m(a: Thing, b: Thing) -> float:
-    """Return the gap between two visible boxes, metres; 0 where they overlap."""
-    return float(np.linalg.norm(np.maximum(0.0, np.maximum(a.low - b.high, b.low - a.high))))
+    """Return the gap between what is visible of two things, metres.
+
+    The gap of their boxes where that is wide, else that of their points: the boxes of things that stand at an angle
+    overlap where the things do not.
+    """
+    box = float(np.linalg.norm(np.maximum(0.0, np.maximum(a.low - b.high, b.low - a.high))))
+    if box > NEAR_M or not len(a.points) or not len(b.points):
+        return box
+    squared = (a.points**2).sum(axis=1)[:, None] + (b.points**2).sum(axis=1) - 2.0 * a.points @ b.points.T
+    return max(box, float(np.sqrt(max(0.0, float(squared.min())))) - POINT_SPACING_M)
+
+
+def _beside_axis(a: Thing, b: Thing) -> Float[np.ndarray, "N 3"]:
+    """Return the points of b about the upright line through the middle of a: what may hold, cover or enclose it."""
+    reach = EDGE_M + 0.5 * float(min(a.size[0], a.size[2])) + 0.5 * EDGE_M
+    offset = b.points[:, [0, 2]] - a.middle[[0, 2]]
+    return b.points[(offset**2).sum(axis=1) <= reach**2]
 
 
 def _over(a: Thing, b: Thing, margin: float) -> bool:

@@ -32,13 +32,16 @@ NOT_EXTREME = 0.3
 ALONE = 0.7
 """Fit of the only one in view where one is singled out of several: there is nothing to compare it with."""
 OTHER_ROOM = 0.2
-"""Fit when the view shows signs of another room than the one named."""
+"""Fit when the view shows several signs of other rooms and none of the one named."""
+NO_SIGN = 0.7
+"""Fit when the view does not show what room it is."""
 UNCERTAIN = 0.7
 """Fit of a thing that is recognised without certainty."""
 SAME_ROOM_M = 3.0
 """Signs of a room count for things this close: rooms are about this large."""
 MAX_DEPTH = 3
 """Anchors of anchors followed this far."""
+_ANY_SIGN = frozenset[str]().union(*ROOM_SIGNS.values())
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,13 +128,10 @@ def room_of(view: View, index: int | None = None) -> str:
 
     Args:
         view: The view.
-        index: The thing whose room is asked for; None for what the view shows most of. Through a doorway one sees
-            signs of another room, so signs far from the thing do not count.
+        index: The thing whose room is asked for; None for what the view shows most of.
     """
     votes = dict.fromkeys(ROOM_SIGNS, 0.0)
-    for thing in view.things:
-        if index is not None and gap_m(thing, view.things[index]) > SAME_ROOM_M:
-            continue
+    for thing in _about(view, index):
         for room, signs in ROOM_SIGNS.items():
             if thing.name in signs:
                 votes[room] += 1.0 + thing.share
@@ -139,9 +139,16 @@ def room_of(view: View, index: int | None = None) -> str:
     return best[0][0] if best[0][1] > best[1][1] else ""
 
 
-def room_signs(view: View, room: str) -> int:
-    """Return how many different kinds of things in view point to a room."""
-    return len({thing.name for thing in view.things if thing.name in ROOM_SIGNS.get(room, frozenset())})
+def room_signs(view: View, room: str, index: int | None = None) -> int:
+    """Return how many different kinds of things point to a room, about one thing or in the whole view."""
+    return len({thing.name for thing in _about(view, index)} & ROOM_SIGNS.get(room, frozenset()))
+
+
+def _about(view: View, index: int | None) -> Sequence[Thing]:
+    """Through a doorway one sees another room: what is far from a thing says nothing of where it is."""
+    if index is None:
+        return view.things
+    return [thing for thing in view.things if gap_m(thing, view.things[index]) <= SAME_ROOM_M]
 
 
 def _color_fit(colors: Sequence[str], thing: Thing) -> float:
@@ -163,10 +170,11 @@ def _state_fit(state: str, view: View, index: int) -> float:
 
 
 def _room_fit(room: str, view: View, index: int) -> float:
-    """Doubt a room only where another shows several signs and it shows none: kitchens hold dining tables too."""
-    seen = room_of(view, index) if room else ""
-    other = seen and seen != room and room_signs(view, seen) > 1 and not room_signs(view, room)
-    return OTHER_ROOM if other else 1.0
+    """One sign of the room will do; without, signs of others speak against it. A room without signs is not judged."""
+    if room not in ROOM_SIGNS or room_signs(view, room, index):
+        return 1.0
+    others = len({thing.name for thing in _about(view, index)} & _ANY_SIGN)
+    return OTHER_ROOM if others > 1 else NO_SIGN
 
 
 def _link_fit(link: Link, view: View, index: int, depth: int) -> tuple[float, float | None]:

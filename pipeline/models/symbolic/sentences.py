@@ -15,7 +15,7 @@ SPOKEN = {"left": "to the left of", "right": "to the right of", "nearest": "near
 
 PARTLY_HIDDEN = 0.15
 """Share of a thing's outline that another must cover for one to say that it is behind it."""
-_ALWAYS_PLURAL = frozenset({"stairs", "blinds", "clothes", "headphones"})
+ALWAYS_PLURAL = frozenset({"stairs", "blinds", "clothes", "headphones"})
 
 
 def hedged(sentence: str, sure: bool) -> str:
@@ -28,7 +28,7 @@ def hedged(sentence: str, sure: bool) -> str:
 
 def with_article(name: str) -> str:
     """Return "a chair", "an oven", "stairs"."""
-    if name in _ALWAYS_PLURAL:
+    if name in ALWAYS_PLURAL:
         return name
     return f"{'an' if name[0] in 'aeiou' else 'a'} {name}"
 
@@ -44,7 +44,7 @@ def listed(names: Sequence[str]) -> str:
 
 def plural(name: str) -> str:
     """Return the plural of a category name."""
-    if name in _ALWAYS_PLURAL or singular(name) != name:
+    if name in ALWAYS_PLURAL or singular(name) != name:
         return name
     if name.endswith("shelf"):
         return name[:-1] + "ves"

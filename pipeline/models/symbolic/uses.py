@@ -17,7 +17,7 @@ USES: tuple[tuple[str, str, str], ...] = (
         "sleep- | nap | lie down | sleepy | tired | bedtime | night rest",
         "bed, couch, mattress, pillow",
     ),
-    ("resting the head", "head", "pillow, cushion"),
+    ("resting the head", "rest head | lay head | lie head", "pillow, cushion"),
     ("relaxing", "relax- | rest | lounge", "couch, armchair, sofa chair, bed"),
     ("sitting", "sit | seat", _SEATS),
     ("putting up the feet", "feet | legs", "ottoman, stool"),

@@ -9,12 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from pipeline.scene.procedural.shape import Joins, Kind, Shape
 
 BEHIND_M = 0.026
-"""A cover hides what lies up to this far behind it: past a baseboard or a drawer's front, not to a board's other side."""
+"""A cover hides what lies up to this far behind it: past a baseboard or a drawer front, not a board's other side."""
 INSCRIBED = 0.68
 """Half side of the square inside a round outline, relative to the outline's half axes."""
 EDGE_M = 0.003
@@ -26,69 +26,64 @@ Rect = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Cover:
-    """An axis-aligned rectangle that hides what is behind it."""
+class Faces:
+    """n axis-aligned rectangles that hide what is behind them."""
 
-    axis: int
-    """Axis of its normal."""
-    sign: int
-    """Direction of its normal along that axis."""
-    low: Float[np.ndarray, "3"]
+    surface: Int[np.ndarray, "n"]
+    """Where each is found in its shape."""
+    axis: Int[np.ndarray, "n"]
+    """Axis of the normal."""
+    sign: Int[np.ndarray, "n"]
+    """Direction of the normal along that axis: 1 or -1."""
+    low: Float[np.ndarray, "n 3"]
     """Lowest corner, metres; on `axis`, where it lies."""
-    high: Float[np.ndarray, "3"]
+    high: Float[np.ndarray, "n 3"]
     """Highest corner, metres."""
 
 
-def covers_of(shape: Shape) -> list[Cover]:
-    """Return the axis-aligned rectangles of a shape, and the squares inside its round faces."""
-    covers = []
-    for kind, frame in zip(shape.kinds, shape.frames, strict=True):
-        if kind == Kind.QUAD:
-            low, high = frame.min(axis=0), frame.max(axis=0)
-            axis = int((high - low).argmin())
-            if _is_rectangle(frame) and high[axis] - low[axis] < 1e-9:
-                normal = np.cross(frame[1] - frame[0], frame[2] - frame[0])
-                covers.append(Cover(axis, 1 if normal[axis] > 0 else -1, low, high))
-        elif kind == Kind.DISC:
-            axis = int(np.abs(frame[3]).argmax())
-            if abs(frame[3, axis]) > 0.999:
-                half = np.hypot(frame[1], frame[2]) * INSCRIBED
-                covers.append(Cover(axis, 1 if frame[3, axis] > 0 else -1, frame[0] - half, frame[0] + half))
-    wide = [np.sort(cover.high - cover.low)[1] > LEAST_M for cover in covers]
-    return [cover for cover, keep in zip(covers, wide, strict=True) if keep]
+def covers_of(shape: Shape) -> Faces:
+    """Return the axis-aligned rectangles of a shape and the squares inside its round faces, but not the smallest."""
+    quads = _rectangles(shape)
+    kinds, frames = np.array(shape.kinds), np.stack(shape.frames)
+    axis = np.abs(frames[:, 3]).argmax(axis=1)
+    along = np.take_along_axis(frames[:, 3], axis[:, None], axis=1)[:, 0]
+    discs = np.flatnonzero((kinds == Kind.DISC) & (np.abs(along) > 0.999))
+    half = np.hypot(frames[discs, 1], frames[discs, 2]) * INSCRIBED
+    low = np.concatenate([quads.low, frames[discs, 0] - half])
+    high = np.concatenate([quads.high, frames[discs, 0] + half])
+    wide = np.sort(high - low, axis=1)[:, 1] > LEAST_M
+    return Faces(
+        np.concatenate([quads.surface, discs])[wide],
+        np.concatenate([quads.axis, axis[discs]])[wide],
+        np.concatenate([quads.sign, np.sign(along[discs]).astype(int)])[wide],
+        low[wide],
+        high[wide],
+    )
 
 
-def cut(shape: Shape, covers: list[Cover]) -> Shape:
+def cut(shape: Shape, covers: Faces) -> Shape:
     """Return the shape without the parts of its axis-aligned rectangles that the covers hide."""
-    if not covers:
-        return shape
-    axes = np.array([cover.axis for cover in covers])
-    signs = np.array([cover.sign for cover in covers])
-    lows, highs = np.stack([cover.low for cover in covers]), np.stack([cover.high for cover in covers])
+    quads = _rectangles(shape)
+    rows = np.arange(len(quads.axis))
+    ahead = (covers.low + covers.high)[:, quads.axis].T / 2 - quads.low[rows, quads.axis][:, None]
+    ahead = ahead * quads.sign[:, None]
+    meets = (covers.low[None] < quads.high[:, None]) & (covers.high[None] > quads.low[:, None])
+    meets[rows, :, quads.axis] = True
+    same = (quads.axis[:, None] == covers.axis) & (quads.sign[:, None] == covers.sign)
+    hiding = same & meets.all(axis=2) & (ahead > 1e-6) & (ahead <= BEHIND_M)
+    hidden_by = {int(quads.surface[row]): np.flatnonzero(hiding[row]) for row in np.flatnonzero(hiding.any(axis=1))}
     result = Shape()
     surfaces = zip(shape.kinds, shape.frames, shape.tapers, shape.paints, shape.joins, strict=True)
-    for kind, frame, taper, paint, joins in surfaces:
-        hiding = np.zeros(0, int)
-        if kind == Kind.QUAD and _is_rectangle(frame):
-            low, high = frame.min(axis=0), frame.max(axis=0)
-            axis = int((high - low).argmin())
-            if high[axis] - low[axis] < 1e-9:
-                normal = np.cross(frame[1] - frame[0], frame[2] - frame[0])
-                sign = 1 if normal[axis] > 0 else -1
-                ahead = (lows[:, axis] + highs[:, axis]) / 2 * sign - low[axis] * sign
-                across = [k for k in range(3) if k != axis]
-                meets = ((lows[:, across] < high[across]) & (highs[:, across] > low[across])).all(axis=1)
-                near = (ahead > 1e-6) & (ahead <= BEHIND_M)
-                hiding = np.flatnonzero((axes == axis) & (signs == sign) & near & meets)
-        if not len(hiding):
+    for index, (kind, frame, taper, paint, joins) in enumerate(surfaces):
+        if index not in hidden_by:
             result.add(Kind(kind), frame, paint, taper, joins)
             continue
         u, v = frame[1] - frame[0], frame[2] - frame[0]
         a, b = int(np.abs(u).argmax()), int(np.abs(v).argmax())
         pieces: list[tuple[Rect, Joins]] = [((0.0, 0.0, 1.0, 1.0), joins)]
-        for index in hiding:
-            u0, u1 = sorted(((lows[index, a] - frame[0, a]) / u[a], (highs[index, a] - frame[0, a]) / u[a]))
-            v0, v1 = sorted(((lows[index, b] - frame[0, b]) / v[b], (highs[index, b] - frame[0, b]) / v[b]))
+        for cover in hidden_by[index]:
+            u0, u1 = sorted(((covers.low[cover, a] - frame[0, a]) / u[a], (covers.high[cover, a] - frame[0, a]) / u[a]))
+            v0, v1 = sorted(((covers.low[cover, b] - frame[0, b]) / v[b], (covers.high[cover, b] - frame[0, b]) / v[b]))
             du, dv = EDGE_M / abs(u[a]), EDGE_M / abs(v[b])
             hole = (u0 + du * (u0 > 0), v0 + dv * (v0 > 0), u1 - du * (u1 < 1), v1 - dv * (v1 < 1))
             pieces = [part for piece in pieces for part in rectangle_without(*piece, hole)]
@@ -98,9 +93,20 @@ def cut(shape: Shape, covers: list[Cover]) -> Shape:
     return result
 
 
-def _is_rectangle(frame: Float[np.ndarray, "4 3"]) -> bool:
-    """Whether a quad is a parallelogram; with sides along two axes it then is a rectangle."""
-    return bool(np.abs(frame[3] - frame[2] - frame[1] + frame[0]).max() < 1e-9)
+def _rectangles(shape: Shape) -> Faces:
+    """The quads of a shape that are rectangles along two axes."""
+    frames = np.stack(shape.frames)
+    u, v = frames[:, 1] - frames[:, 0], frames[:, 2] - frames[:, 0]
+    a, b = np.abs(u).argmax(axis=1), np.abs(v).argmax(axis=1)
+    off_axis = np.abs(u).sum(axis=1) - np.abs(u).max(axis=1) + np.abs(v).sum(axis=1) - np.abs(v).max(axis=1)
+    skew = np.abs(frames[:, 3] - frames[:, 2] - u).max(axis=1)
+    straight = (np.array(shape.kinds) == Kind.QUAD) & (a != b) & (off_axis + skew < 1e-9)
+    rows = np.flatnonzero(straight)
+    a, b = a[rows], b[rows]
+    # The normal u x v points up its axis when (a, b) is (x, y), (y, z) or (z, x) and both sides run upwards.
+    turn = np.where((b - a) % 3 == 1, 1, -1)
+    sign = np.sign(u[rows, a] * v[rows, b]).astype(int) * turn
+    return Faces(rows, 3 - a - b, sign, frames[rows].min(axis=1), frames[rows].max(axis=1))
 
 
 def rectangle_without(piece: Rect, joins: Joins, hole: Rect) -> list[tuple[Rect, Joins]]:

@@ -15,7 +15,7 @@ TRIES = 10
 APART_M = 0.015
 """Least distance between things in one slot."""
 TO_FRONT = 0.8
-"""Share of things in cabinets and shelves that stand at the front edge."""
+"""Share of things in cabinets that stand at the front edge, and of things under furniture that lie at an open side."""
 LIFT_M = 0.001
 """Air under a thing: keeps its base from coinciding with what it stands on."""
 
@@ -95,6 +95,10 @@ def put(placer: RoomPlacer, holder: Placed, slot: Slot, model: Model, *, turn: f
         x, y = placer.rng.uniform(first, last)
         if slot.relation == "in" and placer.rng.random() < TO_FRONT:
             y = last[1]
+        elif slot.relation == "under" and placer.rng.random() < TO_FRONT:
+            # Towards an open side: left, right or front; the back may be a wall.
+            side = int(placer.rng.integers(3))
+            x, y = ((first[0], y), (last[0], y), (x, last[1]))[side]
         at = np.array([x, y, low[2] + LIFT_M - model.bounds[0][2]])
         floor = placer.surfaces["floor"]
         placed = Placed(

@@ -1,4 +1,4 @@
-"""Where the person looks while walking: mostly ahead, down or aside, at times at things, seldom straight at any of them.
+"""Where the person looks while walking: mostly ahead, down or aside, at times at things, seldom straight at any.
 
 Some things are overlooked: the person never frames what lies in boxes, under beds and behind seats (nor some
 other things) in full on purpose, so that recorded views cut them off at the border. A step or a turn of the head shows
@@ -34,8 +34,8 @@ AIM_ERROR = np.deg2rad(14.0)
 """Standard deviation of the direction about what was meant: many things are cut off by the image's edge."""
 NOT_LOOKED_AT = ("floor", "ceiling", "wall", "light switch", "ceiling light")
 """Nobody turns the head for these."""
-OVERLOOKED = 0.3
-"""Share of things, besides hidden ones, that are never framed on purpose."""
+OVERLOOKED, OVERLOOKED_HIDDEN = 0.45, 0.65
+"""Share of things, and of those in, under or behind others, that are never framed on purpose."""
 ATTENTIVE = 0.12
 """Share of views in which overlooked things are framed as well as any other."""
 NEAR_M = 4.0
@@ -102,7 +102,7 @@ def record(home: Home, walk: Walk, count: int, width: int, height: int, rng: np.
 def _stations(
     walk: Walk, count: int
 ) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
-    """Position, heading (radians) and distance walked of every view: even along the walk, with a pause at every stop."""
+    """Position, heading (radians) and distance walked of every view: even along the walk, with pauses at the stops."""
     steps = np.linalg.norm(np.diff(walk.points, axis=0), axis=1)
     along = np.concatenate([[0.0], np.cumsum(steps)])
     pauses = along[walk.stops]
@@ -159,7 +159,7 @@ def _overlooked(home: Home, rng: np.random.Generator) -> list[Float[np.ndarray, 
     result = []
     for number in range(len(home.layout.rooms)):
         things = [t for t in home.by_room.get(number, []) if t.model.category not in NOT_LOOKED_AT]
-        chosen = [thing for thing in things if _is_hidden(thing) or rng.random() < OVERLOOKED]
+        chosen = [t for t in things if rng.random() < (OVERLOOKED_HIDDEN if _is_hidden(t) else OVERLOOKED)]
         boxes = np.array([thing.box for thing in chosen]).reshape(-1, 2, 3)
         bits = np.arange(8)[:, None] >> np.arange(3) & 1
         result.append(boxes[:, bits, np.arange(3)])
@@ -183,7 +183,7 @@ def _turned_away(watcher: _Watcher, eye: Float[np.ndarray, "3"], aim: Float[np.n
     # Seeing part of a thing is what real captures do: it counts for a view, seeing the whole counts against it.
     cost = whole - 0.35 * part + 0.5 * np.abs(turn) + 0.5 * rise
     best = int(cost.argmin())
-    return aim + (turn[best], rise[best])
+    return np.array([aim[0] + turn[best], aim[1] + rise[best]])
 
 
 def _pose(eye: Float[np.ndarray, "3"], yaw: float, pitch: float, roll: float) -> Float[np.ndarray, "3 4"]:

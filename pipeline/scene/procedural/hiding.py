@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float, Int32
 
-from pipeline.scene.procedural.cutting import INSCRIBED, Cover, cut, without_hidden
+from pipeline.scene.procedural.cutting import INSCRIBED, Faces, cut, without_hidden
 from pipeline.scene.procedural.shape import Shape
 from pipeline.scene.procedural.things import Placed
 
@@ -16,7 +16,7 @@ STRUCTURE = ("floor", "wall", "ceiling")
 
 def visible_shapes(things: list[Placed]) -> list[Shape]:
     """Return every thing's surfaces without what its own parts or, on floors, walls and ceilings, other things hide."""
-    covers: dict[int, list[Cover]] = {}
+    covers: dict[int, list[tuple[int, int, np.ndarray, np.ndarray]]] = {}
     for thing in things:
         if _lies_flat(thing) and things[thing.host].model.category in STRUCTURE and _is_aligned(thing):
             covers.setdefault(thing.host, []).append(_cover(thing))
@@ -28,7 +28,7 @@ def visible_shapes(things: list[Placed]) -> list[Shape]:
     for thing in things:
         own = shapes[id(thing.model)]
         # Structure has its own frame at the world's origin, so world covers apply as they are.
-        result.append(cut(own, covers[thing.instance]) if thing.instance in covers else own)
+        result.append(cut(own, _faces(covers[thing.instance])) if thing.instance in covers else own)
     return result
 
 
@@ -61,8 +61,13 @@ def _contact_axis(thing: Placed) -> tuple[int, float]:
     return {"base": (2, float(low[2])), "back": (1, float(low[1])), "top": (2, float(high[2]))}[thing.mount]
 
 
-def _cover(thing: Placed) -> Cover:
-    """The world rectangle of the face a thing turns to the room."""
+def _faces(covers: list[tuple[int, int, np.ndarray, np.ndarray]]) -> Faces:
+    axis, sign, low, high = zip(*covers, strict=True)
+    return Faces(np.arange(len(covers)), np.array(axis), np.array(sign), np.stack(low), np.stack(high))
+
+
+def _cover(thing: Placed) -> tuple[int, int, np.ndarray, np.ndarray]:
+    """Axis, sign and world corners of the face a thing turns to the room."""
     low, high = thing.model.bounds
     axis, face = _contact_axis(thing)
     middle, half = (low + high) / 2, (high - low) / 2
@@ -77,7 +82,7 @@ def _cover(thing: Placed) -> Cover:
     outward = np.zeros(3)
     outward[axis] = -1.0 if thing.mount == "top" else 1.0
     direction = thing.to_world(outward) - thing.at
-    return Cover(across, 1 if direction[across] > 0 else -1, low, high)
+    return across, 1 if direction[across] > 0 else -1, low, high
 
 
 def _under(points: Float[np.ndarray, "n 3"], thing: Placed) -> Bool[np.ndarray, "n"]:

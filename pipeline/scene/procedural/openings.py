@@ -63,7 +63,7 @@ def _swung(way: Doorway, placer: RoomPlacer, leaf: Model, near_low: bool, rng: n
 
 
 def open_windows(placer: RoomPlacer) -> None:
-    """One or two windows on the outside walls, some with curtains or a radiator beneath, and a light switch by a door."""
+    """Set one or two windows into the outside walls, some with curtains or a radiator beneath."""
     rng = placer.rng
     outside = [side for side in SIDES if _is_outside(placer, side)]
     for _ in range(2 if placer.room.area > 14 else 1):
@@ -85,9 +85,7 @@ def open_windows(placer: RoomPlacer) -> None:
 def add_switches(placer: RoomPlacer) -> None:
     """A light switch beside the first doorway."""
     for way in placer.doorways[:1]:
-        side = next(
-            side for side in SIDES if side.axis == way.axis and abs(side.plane(placer.room) - way.at) < WALL_M
-        )
+        side = next(side for side in SIDES if side.axis == way.axis and abs(side.plane(placer.room) - way.at) < WALL_M)
         for middle in (way.low - 0.2, way.high + 0.2):
             if placer.at_wall(light_switch(placer.rng), side, None, middle, height=1.1):
                 break

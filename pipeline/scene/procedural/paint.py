@@ -66,8 +66,11 @@ class Paint:
 
 
 def mix(color: str, rng: np.random.Generator, spread: float = HUE_SPREAD) -> RGB:
-    """Return a shade of the named basic colour."""
-    rgb = np.clip(np.array(PALETTE[color]) + rng.normal(0.0, spread, 3).clip(-2 * spread, 2 * spread), 0.02, 0.99)
+    """Return a shade of the named basic colour; black, white and gray stay free of hue."""
+    shift = rng.normal(0.0, spread, 3).clip(-2 * spread, 2 * spread)
+    if color in ("black", "white", "gray"):
+        shift = 0.15 * shift + 0.85 * shift.mean()
+    rgb = np.clip(np.array(PALETTE[color]) + shift, 0.02, 0.99)
     return (float(rgb[0]), float(rgb[1]), float(rgb[2]))
 
 

@@ -74,7 +74,13 @@ class RoomPlacer:
         self._doors = [self._inside(way, 0.5) for way in self.doorways]
 
     def against_wall(
-        self, model: Model, *, gap: float = 0.03, sides: Sequence[Side] = SIDES, corner: bool = False, front: float = 0.35
+        self,
+        model: Model,
+        *,
+        gap: float = 0.03,
+        sides: Sequence[Side] = SIDES,
+        corner: bool = False,
+        front: float = 0.35,
     ) -> Placed | None:
         """Stand a thing with its back to a wall.
 
@@ -85,7 +91,6 @@ class RoomPlacer:
             corner: Whether to stand it in a corner.
             front: Free floor wanted before it, metres.
         """
-        low, high = model.bounds
         for k in range(TRIES):
             side = sides[int(self.rng.integers(len(sides)))]
             start, stop = side.span(self.room)
@@ -185,7 +190,9 @@ class RoomPlacer:
                 low, high = np.array(self.room.low) + radius + 0.4, np.array(self.room.high) - radius - 0.4
                 if (low > high).any():
                     return None
-                placed = self._new(model, np.array([*self.rng.uniform(low, high), 0.0]), float(self.rng.uniform(-3.1, 3.1)))
+                placed = self._new(
+                    model, np.array([*self.rng.uniform(low, high), 0.0]), float(self.rng.uniform(-3.1, 3.1))
+                )
             if self._fits(placed):
                 return self._keep(placed)
         return None
@@ -306,9 +313,7 @@ class RoomPlacer:
         return self._keep(placed)
 
     def _new(self, model: Model, at: np.ndarray, yaw: float, parent: int = -1) -> Placed:
-        return Placed(
-            model, np.array(at, np.float64), float(yaw), self.number, -1, parent, host=self.surfaces["floor"]
-        )
+        return Placed(model, np.array(at, np.float64), float(yaw), self.number, -1, parent, host=self.surfaces["floor"])
 
     def _against(
         self, model: Model, side: Side, middle: float, gap: float, offset: float | None = None

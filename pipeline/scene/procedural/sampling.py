@@ -61,11 +61,11 @@ def _sample_range(
         rows = np.flatnonzero(surfaces.kind[surface] == kind)
         if len(rows):
             s = surface[rows]
-            parts = place(Rows(surfaces.frame[s], surfaces.taper[s], surfaces.joins[s], counts[s], local[rows], shift[rows]))
+            parts = place(
+                Rows(surfaces.frame[s], surfaces.taper[s], surfaces.joins[s], counts[s], local[rows], shift[rows])
+            )
             point[rows], step_u[rows], step_v[rows], normal[rows] = parts
     return Samples(surface, point, step_u, step_v, normal)
-
-
 
 
 def _drawn_in(step: np.ndarray) -> np.ndarray:

@@ -91,7 +91,9 @@ class Shape:
             if name not in skip:
                 self.add(Kind.QUAD, corners[list(index)], paint)
 
-    def tube(self, at: XYZ, radius: float, height: float, paint: Paint, *, tip: float = 1.0, caps: str = "both") -> None:
+    def tube(
+        self, at: XYZ, radius: float, height: float, paint: Paint, *, tip: float = 1.0, caps: str = "both"
+    ) -> None:
         """Add an upright cylinder or truncated cone.
 
         Args:

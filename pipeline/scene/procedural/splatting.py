@@ -60,7 +60,9 @@ def splat(
         normal = _turn(chunk.normal, at)
         means[rows] = point
         quats[rows], scales[rows], spacing = _discs(_turn(chunk.step_u, at), _turn(chunk.step_v, at), normal)
-        color, gloss = _color(surfaces, chunk, point, normal, at[:, 5].astype(np.int64), floors[owner[rows]], light, spacing)
+        color, gloss = _color(
+            surfaces, chunk, point, normal, at[:, 5].astype(np.int64), floors[owner[rows]], light, spacing
+        )
         sh[rows] = to_sh(color, normal, gloss, sh_degree)
     opacity = rng.uniform(*OPACITY, total).astype(np.float32)
     keep = ~hidden_discs(means, owner, things)

@@ -99,7 +99,9 @@ def relative_spacing(surfaces: Surfaces, structure: Bool[np.ndarray, "B"]) -> Fl
     return np.repeat(factor, stops - starts)
 
 
-def grids(surfaces: Surfaces, sides: Float[np.ndarray, "S 2"], spacing: Float[np.ndarray, "S"]) -> Int[np.ndarray, "S 2"]:
+def grids(
+    surfaces: Surfaces, sides: Float[np.ndarray, "S 2"], spacing: Float[np.ndarray, "S"]
+) -> Int[np.ndarray, "S 2"]:
     """Return the samples along both directions of every surface, at least 1 x 1; discs and balls are n x 1."""
     steps = sides / spacing[:, None]
     counts = np.stack([line_counts(steps[:, k], surfaces.joins[:, 2 * k : 2 * k + 2]) for k in (0, 1)], axis=1)

@@ -95,7 +95,9 @@ def _room_order(layout: Layout, rng: np.random.Generator) -> list[int]:
     return order
 
 
-def _places(grid: FloorGrid, layout: Layout, number: int, count: int, rng: np.random.Generator) -> list[tuple[int, int]]:
+def _places(
+    grid: FloorGrid, layout: Layout, number: int, count: int, rng: np.random.Generator
+) -> list[tuple[int, int]]:
     """Free cells of a room, apart from each other; never none, since furnishing keeps floor free."""
     room = layout.rooms[number]
     x, y = grid.centers()

@@ -17,7 +17,9 @@ def wicker(color: str, rng: np.random.Generator) -> Paint:
 
 
 def _inside(w: float, d: float, bottom: float, top: float, wall: float) -> Slot:
-    return Slot("in", (-w / 2 + wall + 0.01, -d / 2 + wall + 0.01, bottom), (w / 2 - wall - 0.01, d / 2 - wall - 0.01, top))
+    return Slot(
+        "in", (-w / 2 + wall + 0.01, -d / 2 + wall + 0.01, bottom), (w / 2 - wall - 0.01, d / 2 - wall - 0.01, top)
+    )
 
 
 def box(rng: np.random.Generator) -> Model:
@@ -30,7 +32,14 @@ def box(rng: np.random.Generator) -> Model:
         return Model("box", color, s, ("open",), (_inside(w, d, 0.012, h + 0.22, 0.012),), contact="rectangle")
     s.block((0, 0, 0), (w - 0.02, d - 0.02, h - 0.05), paint, skip=("bottom", "top"))
     s.block((0, 0, h - 0.05), (w, d, 0.05), paint)
-    return Model("box", color, s, ("closed",), (Slot("on", (-w / 2 + 0.03, -d / 2 + 0.03, h), (w / 2 - 0.03, d / 2 - 0.03, h + 0.3)),), contact="rectangle")
+    return Model(
+        "box",
+        color,
+        s,
+        ("closed",),
+        (Slot("on", (-w / 2 + 0.03, -d / 2 + 0.03, h), (w / 2 - 0.03, d / 2 - 0.03, h + 0.3)),),
+        contact="rectangle",
+    )
 
 
 def storage_container(rng: np.random.Generator) -> Model:
@@ -38,7 +47,9 @@ def storage_container(rng: np.random.Generator) -> Model:
     color, s = pick(rng, "blue", "white", "gray", "green", "red", "orange"), Shape()
     w, d, h = 0.46, 0.34, 0.2
     s.hollow((0, 0, 0), (w, d, h), 0.015, flat(color, rng))
-    return Model("storage container", color, s, ("open",), (_inside(w, d, 0.015, h + 0.02, 0.015),), contact="rectangle")
+    return Model(
+        "storage container", color, s, ("open",), (_inside(w, d, 0.015, h + 0.02, 0.015),), contact="rectangle"
+    )
 
 
 def basket(rng: np.random.Generator) -> Model:

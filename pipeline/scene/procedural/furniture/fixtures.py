@@ -71,7 +71,12 @@ def mirror(rng: np.random.Generator) -> Model:
     """Mirror: pale gray glass in a frame."""
     s, w, h = Shape(), float(rng.uniform(0.5, 0.7)), float(rng.uniform(0.7, 1.0))
     s.board((0, 0.01, 0), (w, 0.02, h), wood(pick(rng, "brown", "black", "white"), rng), skip=("back",))
-    s.board((0, 0.022, 0.03), (w - 0.06, 0.006, h - 0.06), Paint((0.55, 0.57, 0.59), Texture.FABRIC, 0.5, 0.06, 0.10), skip=("back",))
+    s.board(
+        (0, 0.022, 0.03),
+        (w - 0.06, 0.006, h - 0.06),
+        Paint((0.55, 0.57, 0.59), Texture.FABRIC, 0.5, 0.06, 0.10),
+        skip=("back",),
+    )
     return Model("mirror", "gray", s, contact="rectangle")
 
 
@@ -81,7 +86,12 @@ def whiteboard(rng: np.random.Generator) -> Model:
     s.board((0, 0.012, 0), (1.2, 0.024, 0.8), metal("gray", rng), skip=("back",))
     s.board((0, 0.026, 0.03), (1.14, 0.006, 0.74), flat("white", rng), skip=("back",))
     for k in range(3):
-        s.board((-0.2, 0.03, 0.25 + 0.15 * k), (float(rng.uniform(0.2, 0.5)), 0.003, 0.02), flat(pick(rng, "red", "blue"), rng), skip=("back",))
+        s.board(
+            (-0.2, 0.03, 0.25 + 0.15 * k),
+            (float(rng.uniform(0.2, 0.5)), 0.003, 0.02),
+            flat(pick(rng, "red", "blue"), rng),
+            skip=("back",),
+        )
     return Model("whiteboard", "white", s, contact="rectangle")
 
 
@@ -90,7 +100,12 @@ def bulletin_board(rng: np.random.Generator) -> Model:
     s = Shape()
     s.board((0, 0.012, 0), (0.8, 0.024, 0.55), Paint(mix("brown", rng), Texture.FABRIC, 0.06, 0.15), skip=("back",))
     for k in range(4):
-        s.board((-0.27 + 0.18 * k, 0.027, float(rng.uniform(0.1, 0.3))), (0.1, 0.004, 0.12), flat(pick(rng, "white", "yellow", "pink"), rng), skip=("back",))
+        s.board(
+            (-0.27 + 0.18 * k, 0.027, float(rng.uniform(0.1, 0.3))),
+            (0.1, 0.004, 0.12),
+            flat(pick(rng, "white", "yellow", "pink"), rng),
+            skip=("back",),
+        )
     return Model("bulletin board", "brown", s, contact="rectangle")
 
 
@@ -135,5 +150,3 @@ def mat(rng: np.random.Generator, width: float, depth: float) -> Model:
     paint = Paint(mix(color, rng), Texture(int(rng.choice([Texture.CHECKS, Texture.STRIPES]))), 0.25, 0.12, 0.0)
     s.block((0, 0, 0), (width, depth, 0.014), paint, skip=("bottom",))
     return Model("mat", color, s, contact="rectangle")
-
-

@@ -24,7 +24,9 @@ def table_lamp(rng: np.random.Generator) -> Model:
     s.tube((0, 0, 0.02), 0.05, 0.2, base, tip=0.5, caps="none")
     s.tube((0, 0, 0.20), 0.14, 0.2, _shade(on, color, rng), tip=0.6, caps="none")
     s.tube((0, 0, 0.22), 0.115, 0.16, _shade(on, "gray", rng), tip=0.6, caps="top")
-    return Model("lamp", "yellow" if on else color, s, ("on",) if on else ("off",), light=(0.0, 0.0, 0.3) if on else None)
+    return Model(
+        "lamp", "yellow" if on else color, s, ("on",) if on else ("off",), light=(0.0, 0.0, 0.3) if on else None
+    )
 
 
 def floor_lamp(rng: np.random.Generator) -> Model:
@@ -35,7 +37,9 @@ def floor_lamp(rng: np.random.Generator) -> Model:
     s.tube((0, 0, 0.03), 0.02, 1.35, pole, caps="none")
     s.tube((0, 0, 1.36), 0.2, 0.28, _shade(on, color, rng), tip=0.65, caps="none")
     s.tube((0, 0, 1.38), 0.17, 0.24, _shade(on, "gray", rng), tip=0.65, caps="top")
-    return Model("lamp", "yellow" if on else color, s, ("on",) if on else ("off",), light=(0.0, 0.0, 1.5) if on else None)
+    return Model(
+        "lamp", "yellow" if on else color, s, ("on",) if on else ("off",), light=(0.0, 0.0, 1.5) if on else None
+    )
 
 
 def ceiling_light(rng: np.random.Generator) -> Model:
@@ -43,7 +47,13 @@ def ceiling_light(rng: np.random.Generator) -> Model:
     on, s, r = rng.random() < 0.6, Shape(), float(rng.uniform(0.16, 0.24))
     s.tube((0, 0, -0.04), r, 0.04, flat("white", rng))
     s.tube((0, 0, -0.09), r * 0.8, 0.05, lit((1.0, 0.98, 0.86)) if on else flat("gray", rng), tip=1.15, caps="bottom")
-    return Model("ceiling light", "white" if on else "gray", s, ("on",) if on else ("off",), light=(0.0, 0.0, -0.25) if on else None)
+    return Model(
+        "ceiling light",
+        "white" if on else "gray",
+        s,
+        ("on",) if on else ("off",),
+        light=(0.0, 0.0, -0.25) if on else None,
+    )
 
 
 def candle(rng: np.random.Generator) -> Model:

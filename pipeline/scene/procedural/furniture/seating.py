@@ -27,7 +27,7 @@ def couch(rng: np.random.Generator) -> Model:
         s.block((x, 0.10, 0.34), ((w - 2 * arm) / seats - 0.02, 0.66, 0.10), body, skip=("bottom",))
     s.legs(w - 0.1, d - 0.1, 0.06, 0.05, wood("brown", rng))
     seat = Slot("on", (-w / 2 + arm + 0.02, -0.20, 0.44), (w / 2 - arm - 0.02, 0.40, 1.0), "seat")
-    behind = Slot("behind", (-w / 2 - 0.12, -d / 2 - 0.46, 0.0), (w / 2 + 0.12, -d / 2 - 0.03, 1.1))
+    behind = Slot("behind", (-w / 2 - 0.12, -d / 2 - 0.46, 0.0), (w / 2 + 0.12, -d / 2 - 0.03, 1.6))
     return Model("couch", color, s, slots=(seat, behind), contact="none")
 
 
@@ -43,7 +43,7 @@ def armchair(rng: np.random.Generator) -> Model:
     s.block((0, 0.12, 0.38), (w - 0.34, 0.54, 0.07), body, skip=("bottom",))
     s.legs(w - 0.1, d - 0.1, 0.08, 0.05, wood("brown", rng))
     seat = Slot("on", (-w / 2 + 0.18, -0.12, 0.45), (w / 2 - 0.18, 0.36, 0.9), "seat")
-    behind = Slot("behind", (-w / 2 - 0.16, -d / 2 - 0.42, 0.0), (w / 2 + 0.16, -d / 2 - 0.03, 1.0))
+    behind = Slot("behind", (-w / 2 - 0.16, -d / 2 - 0.42, 0.0), (w / 2 + 0.16, -d / 2 - 0.03, 1.5))
     return Model("armchair", color, s, slots=(seat, behind), contact="none")
 
 

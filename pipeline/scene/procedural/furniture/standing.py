@@ -118,9 +118,7 @@ def paper_bag(rng: np.random.Generator) -> Model:
     """Paper bag, open at the top."""
     s = Shape()
     s.hollow((0, 0, 0), (0.28, 0.18, 0.34), 0.008, flat("brown", rng))
-    return Model(
-        "paper bag", "brown", s, ("open",), (Slot("in", (-0.12, -0.07, 0.01), (0.12, 0.07, 0.36)),)
-    )
+    return Model("paper bag", "brown", s, ("open",), (Slot("in", (-0.12, -0.07, 0.01), (0.12, 0.07, 0.36)),))
 
 
 def bicycle(rng: np.random.Generator) -> Model:
@@ -133,10 +131,23 @@ def bicycle(rng: np.random.Generator) -> Model:
             step = (r * (np.cos(b) - np.cos(a)), 0.0, r * (np.sin(b) - np.sin(a)))
             s.rod((x + r * np.cos(a), 0, r + 0.025 + r * np.sin(a)), step, 0.022, tyre, caps="none")
         s.rod((x, -0.04, r + 0.025), (0, 0.08, 0), 0.03, metal("gray", rng))
-    joints = {"rear": (-0.5, 0.345), "front": (0.5, 0.345), "crank": (-0.08, 0.3), "seat": (-0.2, 0.82), "head": (0.36, 0.8)}
-    bars = (("rear", "crank"), ("rear", "seat"), ("crank", "seat"), ("crank", "head"), ("seat", "head"), ("head", "front"))
-    for a, b in bars:
-        (xa, za), (xb, zb) = joints[a], joints[b]
+    joints = {
+        "rear": (-0.5, 0.345),
+        "front": (0.5, 0.345),
+        "crank": (-0.08, 0.3),
+        "seat": (-0.2, 0.82),
+        "head": (0.36, 0.8),
+    }
+    bars = (
+        ("rear", "crank"),
+        ("rear", "seat"),
+        ("crank", "seat"),
+        ("crank", "head"),
+        ("seat", "head"),
+        ("head", "front"),
+    )
+    for start, end in bars:
+        (xa, za), (xb, zb) = joints[start], joints[end]
         s.rod((xa, 0, za), (xb - xa, 0, zb - za), 0.022, paint)
     s.board((-0.21, 0, 0.86), (0.24, 0.12, 0.05), flat("black" if color != "black" else "gray", rng))
     s.rod((0.36, 0, 0.8), (-0.02, 0, 0.17), 0.018, paint)

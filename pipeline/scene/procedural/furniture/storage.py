@@ -54,15 +54,15 @@ def cupboard(
         z = base_m + t + k * rise
         if k:
             s.board((0, -t, z - t), (w - 2 * t, d - 3 * t, t), paint)
-        slots.append(
-            Slot("in", (-w / 2 + 0.05, -d / 2 + 0.05, z), (w / 2 - 0.05, d / 2 - 0.04, z + rise - t - 0.02))
-        )
+        slots.append(Slot("in", (-w / 2 + 0.05, -d / 2 + 0.05, z), (w / 2 - 0.05, d / 2 - 0.04, z + rise - t - 0.02)))
     for side in (-1, 1):
         door = Shape()
         door.board((-side * (w / 4), 0, 0), (w / 2 - 0.012, t, h - base_m - 0.03), paint)
         door.board((-side * (w / 2 - 0.05), t / 2 + 0.01, (h - base_m) * 0.5), (0.02, 0.02, min(0.14, 0.3 * h)), knob)
         # Doors open by about 100 degrees, hinged at the outer front edges.
-        s.merge(door, at=(side * (w / 2 - t / 2), d / 2 - t / 2, base_m + 0.015), yaw=-side * float(rng.uniform(1.6, 1.85)))
+        s.merge(
+            door, at=(side * (w / 2 - t / 2), d / 2 - t / 2, base_m + 0.015), yaw=-side * float(rng.uniform(1.6, 1.85))
+        )
     return Model(category, color, s, ("open",), tuple(slots))
 
 
@@ -70,14 +70,18 @@ def cabinet(rng: np.random.Generator) -> Model:
     """Low cabinet with two doors, open or closed."""
     size = (float(rng.uniform(0.8, 1.1)), 0.42, float(rng.uniform(0.8, 1.15)))
     color = pick(rng, "brown", "white", "gray", "blue", "green", "red")
-    return cupboard("cabinet", rng, size, color=color, is_open=rng.random() < 0.5, shelves=1, top_slot=True, base_m=0.06)
+    return cupboard(
+        "cabinet", rng, size, color=color, is_open=rng.random() < 0.5, shelves=1, top_slot=True, base_m=0.06
+    )
 
 
 def wardrobe(rng: np.random.Generator) -> Model:
     """Tall cabinet for clothes, open or closed."""
     size = (float(rng.uniform(1.0, 1.3)), 0.58, float(rng.uniform(1.9, 2.05)))
     color = pick(rng, "brown", "white", "gray", "black")
-    return cupboard("wardrobe", rng, size, color=color, is_open=rng.random() < 0.5, shelves=2, top_slot=False, base_m=0.06)
+    return cupboard(
+        "wardrobe", rng, size, color=color, is_open=rng.random() < 0.5, shelves=2, top_slot=False, base_m=0.06
+    )
 
 
 def wall_cabinet(rng: np.random.Generator) -> Model:
@@ -95,7 +99,9 @@ def bathroom_cabinet(rng: np.random.Generator) -> Model:
     return cupboard("bathroom cabinet", rng, size, color=color, is_open=is_open, shelves=2, top_slot=True, base_m=0.05)
 
 
-def _drawers(s: Shape, width: float, depth: float, low: float, high: float, count: int, paint: Paint, knob: Paint) -> None:
+def _drawers(
+    s: Shape, width: float, depth: float, low: float, high: float, count: int, paint: Paint, knob: Paint
+) -> None:
     rise = (high - low) / count
     for k in range(count):
         s.board((0, depth / 2 - 0.01, low + k * rise + 0.01), (width - 0.04, 0.02, rise - 0.02), paint)
@@ -108,7 +114,9 @@ def dresser(rng: np.random.Generator) -> Model:
     paint, s = wood(color, rng), Shape()
     w, d, h = float(rng.uniform(0.9, 1.2)), 0.46, float(rng.uniform(0.8, 1.0))
     s.block((0, -0.01, 0), (w, d - 0.02, h), paint, skip=("bottom",))
-    _drawers(s, w, d, 0.06, h - 0.02, int(rng.integers(3, 5)), paint, metal("gray" if color != "gray" else "black", rng))
+    _drawers(
+        s, w, d, 0.06, h - 0.02, int(rng.integers(3, 5)), paint, metal("gray" if color != "gray" else "black", rng)
+    )
     on = Slot("on", (-w / 2 + 0.03, -d / 2 + 0.03, h), (w / 2 - 0.03, d / 2 - 0.05, h + 0.6))
     return Model("dresser", color, s, slots=(on,))
 
@@ -133,7 +141,9 @@ def file_cabinet(rng: np.random.Generator) -> Model:
     paint, s = flat(color, rng), Shape()
     w, d, h = 0.42, 0.5, float(rng.choice([0.68, 1.0, 1.3]))
     s.block((0, -0.01, 0), (w, d - 0.02, h), paint, skip=("bottom",))
-    _drawers(s, w, d, 0.04, h - 0.02, max(2, round(h / 0.33)), paint, metal("black" if color != "black" else "gray", rng))
+    _drawers(
+        s, w, d, 0.04, h - 0.02, max(2, round(h / 0.33)), paint, metal("black" if color != "black" else "gray", rng)
+    )
     on = Slot("on", (-w / 2 + 0.03, -d / 2 + 0.03, h), (w / 2 - 0.03, d / 2 - 0.05, h + 0.5))
     return Model("file cabinet", color, s, slots=(on,))
 

@@ -27,7 +27,7 @@ SHELF_THINGS = (
 CABINET_THINGS = ("bowl", "cup", "plate", "bottle", "box", "books", "water_pitcher", "tissue_box", "ball", "clothes")
 UNDER_BED = ("storage_container", "flat_suitcase", "shoe", "ball", "book", "storage_container", "dumbbell")
 UNDER_TABLE = ("ball", "basket", "box", "shoe", "backpack", "dumbbell")
-BEHIND_SEAT = ("box", "suitcase", "guitar", "basket", "ball", "backpack", "bag", "broom", "crate", "paper_bag", "tool_box")
+BEHIND_SEAT = ("suitcase", "guitar", "broom", "ladder", "suitcase", "backpack", "bag", "crate", "basket", "paper_bag")
 
 
 def make(placer: RoomPlacer, name: str) -> Model:
@@ -40,7 +40,9 @@ def chance(placer: RoomPlacer, probability: float) -> bool:
     return bool(placer.rng.random() < probability)
 
 
-def against(placer: RoomPlacer, name: str, *, gap: float = 0.03, corner: bool = False, front: float = 0.35) -> Placed | None:
+def against(
+    placer: RoomPlacer, name: str, *, gap: float = 0.03, corner: bool = False, front: float = 0.35
+) -> Placed | None:
     """Make a thing and stand it against any wall."""
     return placer.against_wall(make(placer, name), gap=gap, corner=corner, front=front)
 
@@ -93,6 +95,8 @@ def finish(placer: RoomPlacer) -> None:
     placer.under_ceiling(make(placer, "ceiling_light"))
     for door in [thing for thing in placer.home.by_room.get(placer.number, []) if thing.model.category == "door"]:
         if "open" in door.model.states and chance(placer, 0.8):
-            for name in placer.rng.permutation(["broom", "backpack", "trash_can", "guitar", "ladder", "bag", "box"])[:4]:
+            for name in placer.rng.permutation(["broom", "backpack", "trash_can", "guitar", "ladder", "bag", "box"])[
+                :4
+            ]:
                 if placer.behind_door(door, make(placer, str(name))):
                     break

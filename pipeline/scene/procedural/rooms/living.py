@@ -36,7 +36,7 @@ def living_room(placer: RoomPlacer) -> None:
     if couch:
         table = placer.in_front(couch, make(placer, "coffee_table"), gap=0.34)
         put_on(placer, table, TABLE_THINGS, int(rng.integers(2, 4)))
-        put_under(placer, table, ("ball", "shoe", "basket", "book"), 1)
+        put_under(placer, table, ("ball", "shoe", "basket", "book"), 2)
         side = placer.beside(couch, make(placer, "end_table"))
         put_on(placer, side, ("table_lamp", "plant", "telephone", "alarm_clock"), 1)
         put_on(placer, couch, ("cushion", "cushion", "cushion", "book", "headphones", "stuffed_animal"), 2, "seat")
@@ -71,7 +71,7 @@ def dining_room(placer: RoomPlacer) -> None:
     if table:
         placer.around(table, lambda: make(placer, "chair"), int(rng.integers(3, 6)))
     put_on(placer, table, ("plate", "plate", "bowl", "cup", "candle", "water_pitcher", "bottle"), 4)
-    put_under(placer, table, UNDER_TABLE, 1)
+    put_under(placer, table, UNDER_TABLE, 2)
     for _ in range(2):
         cabinet = against(placer, "cabinet")
         put_in(placer, cabinet, CABINET_THINGS, 3)

@@ -32,7 +32,7 @@ def _bed(placer: RoomPlacer) -> Placed | None:
         put_on(placer, bed, ("pillow",), 2 if wide else 1, "pillow")
         put_on(placer, bed, ("blanket",), 1, "blanket")
         put_on(placer, bed, ("book", "laptop", "stuffed_animal", "clothes", "headphones", "purse", "hat"), 2)
-        put_under(placer, bed, UNDER_BED, 3)
+        put_under(placer, bed, UNDER_BED, 4)
         hang(placer, "picture", (1.3, 1.5), above=bed)
     return bed
 

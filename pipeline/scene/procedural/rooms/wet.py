@@ -40,9 +40,19 @@ COUNTER_THINGS = (
 def kitchen(placer: RoomPlacer) -> None:
     """A row of units along one wall, cabinets above, a table with chairs."""
     rng = placer.rng
-    units = ["refrigerator", "kitchen_counter", "sink_unit", "dishwasher", "stove", "kitchen_cabinet", "kitchen_counter"]
+    units = [
+        "refrigerator",
+        "kitchen_counter",
+        "sink_unit",
+        "dishwasher",
+        "stove",
+        "kitchen_cabinet",
+        "kitchen_counter",
+    ]
     middle = [units[int(i)] for i in rng.permutation(np.arange(1, len(units)))]
-    row = placer.run([make(placer, name) for name in ([units[0], *middle] if chance(placer, 0.5) else [*middle, units[0]])])
+    row = placer.run(
+        [make(placer, name) for name in ([units[0], *middle] if chance(placer, 0.5) else [*middle, units[0]])]
+    )
     placed = {unit.model.category for unit in row}
     for name, category in (("refrigerator", "refrigerator"), ("stove", "stove"), ("sink_unit", "sink")):
         if category not in placed and (unit := against(placer, name, corner=True)):
@@ -67,7 +77,7 @@ def kitchen(placer: RoomPlacer) -> None:
     if table:
         placer.around(table, lambda: make(placer, "chair"), int(rng.integers(2, 5)))
     put_on(placer, table, ("plate", "bowl", "cup", "bottle", "water_pitcher", "candle", "book", "basket"), 4)
-    put_under(placer, table, UNDER_TABLE, 1)
+    put_under(placer, table, UNDER_TABLE, 2)
     stand(placer, "trash_can", "stool", "paper_bag", "crate", "broom", "fire_extinguisher")
     hang(placer, "clock", (1.6, 1.9))
     hang(placer, "calendar", (1.3, 1.5))
@@ -113,7 +123,9 @@ def laundry_room(placer: RoomPlacer) -> None:
     cabinet = against(placer, "cabinet")
     put_in(placer, cabinet, ("bottle", "laundry_detergent", "box", "clothes", "toilet_roll"), 3)
     put_on(placer, cabinet, ("laundry_detergent", "basket", "box"), 1)
-    stand(placer, "laundry_basket", "laundry_basket", "bucket", "broom", "vacuum_cleaner", "ladder", "tool_box", "crate")
+    stand(
+        placer, "laundry_basket", "laundry_basket", "bucket", "broom", "vacuum_cleaner", "ladder", "tool_box", "crate"
+    )
     shelf = hang(placer, "shelf", (1.2, 1.4))
     put_on(placer, shelf, ("laundry_detergent", "box", "toilet_roll", "bottle"), 3)
     rug(placer, (0.8, 0.5))

@@ -30,7 +30,7 @@ def office(placer: RoomPlacer) -> None:
         put_on(placer, desk, ("keyboard",), 1)
         put_on(placer, desk, ("mouse", "mouse", "laptop"), 1)
         put_on(placer, desk, DESK_THINGS, int(rng.integers(2, 4)))
-        put_under(placer, desk, ("computer_tower", "trash_can", "backpack", "box", "shoe"), 1)
+        put_under(placer, desk, ("computer_tower", "trash_can", "backpack", "box", "shoe"), 2)
         if desk:
             seat = placer.in_front(desk, make(placer, "office_chair"), gap=0.08, facing=True)
             put_on(placer, seat, ("cushion", "bag", "book"), int(rng.random() < 0.3), "seat")
