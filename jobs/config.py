@@ -5,6 +5,7 @@ A job file is YAML. Paths in it are relative to the file itself, so a job runs t
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any, Literal
 
@@ -124,7 +125,7 @@ def _anchored(value: Any, folder: Path) -> Any:
         return [_anchored(item, folder) for item in value]
     if not isinstance(value, str) or not value or storage.local_path(value) is None:
         return value
-    return str(folder / Path(value).expanduser())
+    return os.path.normpath(folder / Path(value).expanduser())
 
 
 def _input_error(subject: object, detail: Any) -> InputError:

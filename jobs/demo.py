@@ -75,7 +75,7 @@ def _build_scenes(folder: Path, count: int, progress: Progress) -> list[str]:
         for path in missing.values():
             _remove(path)
         os.environ.update({name: value for name, value in WORKER_ENVIRONMENT.items() if name.endswith("_THREADS")})
-        workers = min(len(missing), os.cpu_count() or 1)
+        workers = min(len(missing), len(os.sched_getaffinity(0)))
         # Spawned, since a forked child would inherit locks of threads that libraries may have started.
         with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
             jobs = {pool.submit(build_procedural, seed, str(path)): path for seed, path in missing.items()}

@@ -118,7 +118,7 @@ def _merged(gathered: list[Tables | None]) -> dict[str, list[Any]]:
 @contextmanager
 def _backend(work: Work, steps: Steps, config: WorkersConfig) -> Iterator[tuple[Backend[Any], Limits]]:
     """Give the backend that a config asks for, and its bounds."""
-    cpus = config.cpus or os.cpu_count() or 1
+    cpus = config.cpus or len(os.sched_getaffinity(0))
     if config.in_process:
         from workers.in_process import InProcess
 

@@ -196,8 +196,8 @@ def _denominators(arms: pd.DataFrame) -> Sheet:
     )
     first = _method_column(arms)
     columns = (*first, "Task", "Arm", *(name.replace("_", " ") for name in counts))
-    note = "A missing answer (skipped: there was nothing to look at) scores 0, as in the OpenEQA protocol, and grounds "
-    note += "nothing. A question that failed, stayed unreadable or has no reference is in no mean."
+    note = "A question that was skipped (there was nothing to look at), failed, stayed unreadable or has no reference "
+    note += "is in no mean; column `if 0` counts it as 0."
     return Sheet("denominators", "How the questions ended", note, columns, rows, len(first) + 2)
 
 

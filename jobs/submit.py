@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -110,9 +109,8 @@ def resume(
 
 def _work(folder: RunFolder, config: JobConfig, steps: Steps, progress: Progress) -> RunResult:
     events = EventLog(folder.root)
-    told: Callable[[], None] = lambda: progress.say("stopping: waiting for the questions in flight")  # noqa: E731
     try:
-        with Stopping(told) as stopping:
+        with Stopping(lambda: progress.say("stopping: waiting for the questions in flight")) as stopping:
             driven = drive(folder, config, steps, events, progress, stopping)
         if driven.complete:
             write_results(folder.root)

@@ -24,7 +24,7 @@ STAGES = {
 }
 """Raise a stage's number with every change that can change an answer or a score: unit ids depend on it."""
 
-RECORDED = ("numpy", "numba", "scipy", "hdbscan", "gsply", "pyarrow", "pandas", "pydantic", "openai", "ray", "pillow")
+RECORDED = ("numpy", "numba", "scipy", "hdbscan", "pyarrow", "pandas", "pydantic", "openai", "ray", "pillow")
 
 
 def package_versions() -> dict[str, str]:

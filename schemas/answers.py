@@ -80,7 +80,7 @@ class ArmRow:
     frames: int
     """Number of views given."""
     mark: int | None
-    """LLM-Match mark 1 to 5, 0 for a missing answer; null when unscored."""
+    """LLM-Match mark 1 to 5, 0 for an empty answer; null when unscored."""
     mark_reason: str
     """Why it is unscored; empty when it is scored."""
     predicted: int | None

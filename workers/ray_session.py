@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
-"""Folder of the packages `schemas`, `pipeline` and `workers`."""
+PACKAGES = ("schemas", "pipeline", "workers")
+"""What workers import, found in ROOT."""
 
 WORKER_ENVIRONMENT = {
     # Ray sets OMP_NUM_THREADS itself, but numba would still take every core in every worker.
@@ -42,9 +43,11 @@ def ray_session(*, cpus: int, address: str = "") -> Iterator[int]:
 
     quiet: dict[str, Any] = {"logging_level": logging.ERROR, "log_to_driver": False}
     if address:
-        ray.init(address=address, runtime_env={"env_vars": WORKER_ENVIRONMENT}, **quiet)
+        # The cluster brings the libraries; our code goes with the job, so that workers run the planned version.
+        code = {"py_modules": [str(ROOT / name) for name in PACKAGES], "excludes": ["**/__pycache__/**"]}
+        ray.init(address=address, runtime_env={"env_vars": WORKER_ENVIRONMENT, **code}, **quiet)
     else:
-        # Workers do not inherit this process's import path; on an existing cluster the package is installed.
+        # Workers do not inherit this process's import path.
         path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH", "")]))
         environment = {**WORKER_ENVIRONMENT, "PYTHONPATH": path}
         ray.init(num_cpus=cpus, include_dashboard=False, runtime_env={"env_vars": environment}, **quiet)

@@ -11,7 +11,7 @@ import typer
 def submit(job: Annotated[Path, typer.Argument(help="Job file, YAML.", metavar="JOB.yaml")]) -> None:
     """Plan a job and answer its questions; a run that was begun before goes on where it ended.
 
-    Example: [bold]splatreasoner submit examples/scannet.yaml[/bold]
+    Example: [bold]splatreasoner submit job.yaml[/bold]
     """
     from jobs.config import load_job
     from jobs.progress import for_terminal

@@ -25,8 +25,11 @@ def source_digest() -> str:
 
 
 def kernel(function):
-    """Compile `function` at its first call, without the interpreter lock, and keep the machine code on disk."""
-    compiled = njit(nogil=True, cache=True, error_model="numpy")(function)
+    """Return `function`, to be compiled at its first call, run without the interpreter lock and kept on disk."""
+    try:
+        compiled = njit(nogil=True, cache=True, error_model="numpy")(function)
+    except RuntimeError:  # numba finds no folder it may write to: compile in every process
+        return njit(nogil=True, error_model="numpy")(function)
     # numba compares this with what it stored; it has no public way to say what a function depends on.
     compiled._cache._cache_file._source_stamp = source_digest()
     return compiled

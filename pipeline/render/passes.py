@@ -8,7 +8,7 @@ changes any bit of the result: a tile sees the same records in the same order.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from time import perf_counter
+from time import perf_counter, thread_time
 
 import numpy as np
 from jaxtyping import Float32, Int32
@@ -29,10 +29,12 @@ from pipeline.render.threads import run_each, split
 from pipeline.render.tile_kernels import BLOCKS
 from pipeline.render.workspace import WORKSPACE
 
-SLAB_KEYS_PER_TILE = 32
-"""Keys in a slab per tile of the band: smaller slabs skip more hidden records, larger ones cost less per slab."""
-SMALLEST_SLAB = 4096
-"""Keys below which a slab is not worth its fixed cost."""
+SLAB_KEYS_PER_TILE = 16
+"""Keys in the first slab per tile of the band: small slabs skip more hidden records, large ones cost less each."""
+SLAB_GROWTH = 2
+"""Each slab is this much larger than the last: most tiles are finished by the first ones."""
+SMALLEST_SLAB, LARGEST_SLAB = 1 << 12, 1 << 19
+"""Keys below which a slab is not worth its fixed cost, and above which its lists (32 bytes a key) grow too large."""
 BAND_TILES = 1 << 15
 """Tiles composited at a time: their state takes 230 MB at most."""
 PIECES_PER_THREAD = 8
@@ -44,7 +46,7 @@ class FrameStatistics:
     """What a frame cost: filled in when a caller asks `render_frame` for it."""
 
     milliseconds: dict[str, float] = field(default_factory=dict)
-    """Wall milliseconds by phase: cull, project, sort, bin, shade, composite."""
+    """By phase (cull, project, sort, bin, shade, composite): CPU milliseconds with one thread, wall with more."""
     counts: dict[str, int] = field(default_factory=dict)
     """Blocks visible, records (Gaussians kept), slabs, tile entries and records with an entry."""
 
@@ -62,7 +64,7 @@ def render_frame(
     statistics: FrameStatistics | None = None,
 ) -> Rendering:
     """Return the outputs of one view; arguments are as in `render`, already checked."""
-    clock = _Clock(statistics)
+    clock = _Clock(statistics, threads)
     lens = Lens.of(camera)
     packed = lens.packed(near)
     blocks = visible_blocks(prepared, camera, lens, near)
@@ -94,7 +96,7 @@ def render_frame(
             _composite(slab, records, band, camera, images, states, winners, opening, closing, threads)
             clock.lap("composite")
             clock.count(slabs=1, entries=len(slab.entries), touched=sum(map(len, slab.touched)))
-            at, opening = slab.last, False
+            at, opening, size = slab.last, False, min(size * SLAB_GROWTH, LARGEST_SLAB)
     return images.rendering(camera)
 
 
@@ -223,12 +225,13 @@ def _composite(
 class _Clock:
     """Adds the time since the last lap to a phase; does nothing without statistics."""
 
-    def __init__(self, statistics: FrameStatistics | None) -> None:
-        self._statistics, self._start = statistics, perf_counter()
+    def __init__(self, statistics: FrameStatistics | None, threads: int) -> None:
+        self._now = thread_time if threads == 1 else perf_counter
+        self._statistics, self._start = statistics, self._now()
 
     def lap(self, phase: str) -> None:
         if self._statistics is not None:
-            now = perf_counter()
+            now = self._now()
             spent = self._statistics.milliseconds
             spent[phase] = spent.get(phase, 0.0) + 1e3 * (now - self._start)
             self._start = now

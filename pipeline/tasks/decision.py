@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from pipeline.config import MethodConfig
-from pipeline.metrics.llm_match import MISSING_MARK
 from pipeline.models.caller import Caller
 from pipeline.query.judge import Choice, answer_views, choose_views
 from pipeline.query.stopwatch import StageTime, Stopwatch
@@ -74,8 +73,10 @@ async def decide(question: Question, proposal: Proposal, caller: Caller, config:
         StopError: No call can succeed.
     """
     if proposal.status != "answered":
-        missing = proposal.status == "skipped" and question.answer is not None and config.judging.mark
-        return undecided(proposal.status, proposal.reason, Mark(MISSING_MARK, "") if missing else None)
+        if question.task == "ground_many" and proposal.status == "skipped" and not proposal.categories:
+            # The model was asked and named none of the scene's categories: zero targets is an answer of this task.
+            return undecided("answered", "", f"no target: {proposal.reason}")
+        return undecided(proposal.status, proposal.reason)
     case = _Case(question, proposal, caller, config)
     try:
         return await case.decide()
@@ -84,10 +85,12 @@ async def decide(question: Question, proposal: Proposal, caller: Caller, config:
         return replace(failed, calls=tuple(case.calls), times=case.watch.times())
 
 
-def undecided(status: Status, reason: str, mark: Mark | None = None) -> Decision:
-    """Return the decision on a question no model was asked about, or whose calls failed; unmarked unless given."""
-    nothing = TaskAnswer(status, reason, "", ())
-    arms = tuple(Arm(name, nothing, (), mark or Mark(None, f"{status}: {reason}")) for name in ARMS)
+def undecided(status: Status, reason: str, text: str = "") -> Decision:
+    """Return the decision on a question no model was shown a view of, or whose calls failed; it has no mark."""
+    nothing = TaskAnswer(status, reason, text, ())
+    arms = tuple(
+        Arm(name, nothing, (), Mark(None, f"{status}: {reason}" if reason else _NO_REFERENCE)) for name in ARMS
+    )
     return Decision((), (), arms, "", (), ())
 
 
@@ -217,7 +220,7 @@ class _Case:
 
     async def _marked(self, arms: list[Arm]) -> tuple[Arm, ...]:
         if not self.config.judging.mark or self.question.answer is None:
-            reason = "no reference answer" if self.question.answer is None else "marks are off"
+            reason = _NO_REFERENCE if self.question.answer is None else "marks are off"
             return tuple(replace(arm, mark=Mark(None, reason)) for arm in arms)
         texts = [arm.result.text if arm.result.status == "answered" else None for arm in arms]
         with self.watch.stage("judge", len({text for text in texts if text is not None})):
@@ -225,6 +228,7 @@ class _Case:
         return tuple(replace(arm, mark=mark) for arm, mark in zip(arms, marks, strict=True))
 
 
+_NO_REFERENCE = "no reference answer"
 _UNMARKED = Mark(None, "not judged")
 _UNVERIFIED = "the verification could not be read"
 

@@ -184,9 +184,9 @@ def _ground(
     truth: tuple[Int32[np.ndarray, "_"], ...] | None,
     config: MethodConfig,
 ) -> _Grounded:
-    """Cut the arm's regions out of G_act and score them. A skipped question predicts nothing, which is scored too."""
+    """Cut the arm's regions out of G_act and score them; an arm that did not answer is not scored."""
     targets = None if question.target_ids is None else len(question.target_ids)
-    if arm.result.status not in ("answered", "skipped"):
+    if arm.result.status != "answered":
         return _Grounded((), (), None, targets, None)
     means = context.scene.gaussians.means
     shown = [proposal.candidate_of(arm.pictures[position]) for position in arm.result.chosen]

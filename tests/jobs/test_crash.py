@@ -72,12 +72,16 @@ def test_killed_driver_resumes_to_the_same_bytes(
     assert ended.driven.failed < run_status(job.output).statuses["failed"] == 12
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize(
+    ("number", "in_process"),
+    [(signal.SIGINT, True), (signal.SIGTERM, False)],
+    ids=["SIGINT in process", "SIGTERM on Ray, which has a handler of its own"],
+)
 def test_signal_commits_what_is_done_and_exits_130(
-    make_scene: Callable[..., Path], make_job: MakeJob, tmp_path: Path, number: signal.Signals
+    make_scene: Callable[..., Path], make_job: MakeJob, tmp_path: Path, number: signal.Signals, in_process: bool
 ) -> None:
-    make_scene("a", TEXTS * 2)
-    job = make_job()
+    make_scene("a", TEXTS * 4)
+    job = make_job(workers={"in_process": in_process})
     file = tmp_path / "job.json"
     file.write_text(job.model_dump_json())
     driver = start_driver("submit", file)
@@ -87,7 +91,7 @@ def test_signal_commits_what_is_done_and_exits_130(
     assert driver.returncode == 130, errors.decode()
     assert b"stopping" in errors
     assert not run_status(job.output).complete
-    assert resume(job.output, steps=STEPS).driven.complete
+    assert resume(job.output, steps=STEPS, workers={"in_process": True}).driven.complete
 
 
 def test_second_driver_is_refused_while_the_first_works(

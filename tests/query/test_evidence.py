@@ -55,10 +55,10 @@ def test_a_reply_without_known_names_is_asked_again_then_unparsed() -> None:
     assert [row.outcome for row in found.calls] == ["unparsed", "unparsed"]
 
 
-def test_a_scene_without_categories_is_skipped_and_nothing_is_asked() -> None:
+def test_a_scene_without_categories_fails_and_nothing_is_asked() -> None:
     client = Scripted({})
     found = _ask(client, vocabulary=())
-    assert (found.status, found.calls) == ("skipped", ())
+    assert (found.status, found.calls) == ("failed", ())
     assert not client.requests
 
 

@@ -61,6 +61,16 @@ def test_cached_machine_code_depends_on_every_kernel_file(tmp_path: Path) -> Non
     assert _digest_of(tmp_path) != stamp
 
 
+def test_kernels_work_where_nothing_can_be_cached(monkeypatch: pytest.MonkeyPatch) -> None:
+    def njit_without_cache(*, cache: bool = False, **options: object):
+        if cache:
+            raise RuntimeError("cannot cache function: no locator available")
+        return njit(**options)
+
+    monkeypatch.setattr(cached_kernels, "njit", njit_without_cache)
+    assert cached_kernels.kernel(lambda x: x + 1)(41) == 42
+
+
 def _digest_of(folder: Path) -> str:
     """Run the digest as if the package lay in `folder`."""
     name = str(folder / "cached_kernels.py")

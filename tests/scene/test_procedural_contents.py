@@ -12,7 +12,7 @@ from pipeline.scene.color_names import COLOR_NAMES
 from pipeline.scene.objects import SceneObject
 from pipeline.scene.procedural.build import furnish
 from pipeline.scene.procedural.furniture import BUILDERS
-from pipeline.scene.procedural.placement import Home
+from pipeline.scene.procedural.home import Home
 from pipeline.scene.procedural.things import oriented_boxes_overlap
 from pipeline.scene.procedural.vocabulary import CATEGORY_IDS, VOCABULARY
 
@@ -52,7 +52,7 @@ def test_things_do_not_intersect_unless_one_holds_the_other(seed: int, rooms: in
 def test_things_lie_inside_their_room(seed: int, rooms: int) -> None:
     built = home(seed, rooms)
     for thing in built.things:
-        if thing.model.category in STRUCTURE or "closed" in thing.model.states and thing.model.category == "door":
+        if thing.model.category in STRUCTURE or ("closed" in thing.model.states and thing.model.category == "door"):
             continue
         room = built.layout.rooms[thing.room]
         assert all(room.contains(float(x), float(y), -0.002) for x, y in thing.footprint), thing.model.category

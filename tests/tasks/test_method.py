@@ -149,21 +149,26 @@ def test_single_target_region_is_the_frustum_of_the_named_view_and_its_iou_by_ha
 class TestNothingToLookAt:
     NONE = Scripted({"evidence": "none"})
 
-    def test_eqa_is_skipped_with_a_reason_and_scores_as_missing(self) -> None:
+    def test_eqa_is_skipped_with_a_reason_and_not_scored(self) -> None:
         rows = _rows(_question("eqa"), self.NONE)
         assert (rows.answers[0].status, rows.answers[0].frames) == ("skipped", 0)
         assert rows.answers[0].reason
-        assert {(arm.mark, arm.mark_reason) for arm in rows.arms} == {(0, "")}
+        assert {arm.mark for arm in rows.arms} == {None}
+        assert all(rows.answers[0].reason in arm.mark_reason for arm in rows.arms)
         assert len(rows.calls) == 1
 
     @pytest.mark.parametrize(("targets", "iou"), [((), 1.0), ((0, 1), 0.0), (None, None)])
-    def test_multi_target_grounding_predicts_nothing(self, targets: tuple[int, ...] | None, iou: float | None) -> None:
+    def test_multi_target_grounding_answers_that_nothing_is_there(
+        self, targets: tuple[int, ...] | None, iou: float | None
+    ) -> None:
         rows = _rows(_question("ground_many", targets), self.NONE)
-        assert {(arm.status, arm.predicted, arm.iou) for arm in rows.arms} == {("skipped", 0, iou)}
+        assert {(arm.status, arm.answer, arm.predicted, arm.iou) for arm in rows.arms} == {
+            ("answered", "no target: no category of the scene is evidence for the question", 0, iou)
+        }
 
-    def test_single_target_grounding_scores_zero(self) -> None:
+    def test_single_target_grounding_is_skipped_and_not_scored(self) -> None:
         rows = _rows(_question("ground_one", (0,)), self.NONE)
-        assert {arm.iou for arm in rows.arms} == {0.0}
+        assert {(arm.status, arm.iou) for arm in rows.arms} == {("skipped", None)}
 
     def test_zero_target_needs_no_instances(self) -> None:
         rows = _rows(_question("ground_many", ()), self.NONE, without_instances(tiny_scene()))

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 from pipeline.models.symbolic.answer import UNKNOWN, Answer, elsewhere, stated, verdict
 from pipeline.models.symbolic.certainty import Certainty
-from pipeline.models.symbolic.knowledge import STRUCTURE
+from pipeline.models.symbolic.knowledge import ROOM_SIGNS, STRUCTURE
+from pipeline.models.symbolic.lexicon import canonical
 from pipeline.models.symbolic.perceive import View
 from pipeline.models.symbolic.phrases import Phrase, Query
 from pipeline.models.symbolic.resolve import SURE, Match, resolve, room_of, room_signs
@@ -36,7 +37,12 @@ def where(query: Query, view: View) -> Answer:
 
 
 def room(query: Query, view: View) -> Answer:
-    """Name the room of the view, or of the thing asked about."""
+    """Name the room of the view, of the thing asked about, or the one that serves a purpose."""
+    if query.measure == "use":
+        known = next(
+            (room for name in useful_names(query.words) for room in ROOM_SIGNS if name in ROOM_SIGNS[room]), ""
+        )
+        return Answer(f"The {known}.", Certainty.DEFINITE, 0.5, known) if known else UNKNOWN
     if query.target.anything:
         seen = room_of(view)
         if not seen:
@@ -70,7 +76,8 @@ def use(query: Query, view: View) -> Answer:
     # What is to be done may name things too ("wash my hands in warm water"); only places in the scene narrow it down.
     links = tuple(link for link in query.target.links if link.anchor.named)
     for rank, name in enumerate(useful_names(query.words)):
-        phrase = Phrase(name, frozenset({name}), room=query.target.room, links=links)
+        seen_names = frozenset(thing.name for thing in view.things if thing.kind == canonical(name))
+        phrase = Phrase(name, seen_names, room=query.target.room, links=links)
         found = [m for m in resolve(phrase, view) if m.fit > FITS]
         if not found or name in STRUCTURE:
             continue

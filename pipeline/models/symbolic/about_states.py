@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from pipeline.models.symbolic.lexicon import NEAR_COLORS
 from pipeline.models.symbolic.perceive import View
 from pipeline.models.symbolic.phrases import Phrase, Query
 from pipeline.models.symbolic.relations import DEGREES, gap_m
-from pipeline.models.symbolic.resolve import SURE, extent, resolve
+from pipeline.models.symbolic.resolve import SURE, Match, extent, resolve
 from pipeline.models.symbolic.sentences import be, link_words, named, place_of
 from pipeline.models.symbolic.states import state_of
 
@@ -55,31 +55,40 @@ def state(query: Query, view: View) -> Answer:
 
 def compare(query: Query, view: View) -> Answer:
     """Say which of two is nearer or larger; both must be seen, and what nearness is measured to."""
-    measures = [option_measure(query, option, view) for option in query.options]
-    if len(measures) < 2 or any(measure is None for measure in measures):
+    taken = [found for option in query.options if (found := measure_option(query, option, view)) is not None]
+    if len(taken) < max(2, len(query.options)):
         return UNKNOWN
-    values = [measure for measure in measures if measure is not None]
-    best = min(range(len(values)), key=lambda i: (values[i], i))
-    rest = min(value for i, value in enumerate(values) if i != best)
+    best = min(range(len(taken)), key=lambda i: (taken[i].measure, i))
+    rest = min(found.measure for i, found in enumerate(taken) if i != best)
+    whole = all(found.match.fit >= SURE and not view.things[found.match.index].cut for found in taken)
     phrase = query.options[best]
-    found = [resolve(replace(option, links=()), view) for option in query.options]
-    whole = all(f[0].fit >= SURE and not view.things[f[0].index].cut for f in found)
-    return stated(f"The {named(phrase)}.", whole and clearly(values[best], rest), view, found[best][0], phrase.words)
+    sure = whole and clearly(taken[best].measure, rest)
+    return stated(f"The {named(phrase)}.", sure, view, taken[best].match, phrase.words)
 
 
-def option_measure(query: Query, option: Phrase, view: View) -> float | None:
-    """Return the measure by which an option is compared, smaller first; None where it cannot be taken in this view."""
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """One of the things that are compared."""
+
+    measure: float
+    """Value by which it is compared, smaller first."""
+    match: Match
+    """Where it was seen."""
+
+
+def measure_option(query: Query, option: Phrase, view: View) -> Measured | None:
+    """Return the measure by which an option is compared; None where it cannot be taken in this view."""
     found = resolve(replace(option, links=(), extreme=""), view)
     if not found:
         return None
     thing = view.things[found[0].index]
     if query.measure not in ("nearest", "farthest") or query.reference is None:
-        return extent(query.measure, thing)
+        return Measured(extent(query.measure, thing), found[0])
     anchors = [m for m in resolve(query.reference, view, 1) if m.index != found[0].index]
     if not anchors:
         return None
     distance = min(gap_m(thing, view.things[anchor.index]) for anchor in anchors)
-    return distance if query.measure == "nearest" else -distance
+    return Measured(distance if query.measure == "nearest" else -distance, found[0])
 
 
 def clearly(first: float, second: float) -> bool:
@@ -90,7 +99,7 @@ def clearly(first: float, second: float) -> bool:
 def material(query: Query, view: View) -> Answer:
     """Guess what a thing is made of from what such things are made of."""
     found = resolve(query.target, view)
-    guess = MATERIALS.get(view.things[found[0].index].name, "") if found else ""
+    guess = MATERIALS.get(view.things[found[0].index].kind, "") if found else ""
     if not guess:
         return UNKNOWN
     return stated(f"The {query.target.words} {be(query.target)} made of {guess}.", False, view, found[0], guess)

@@ -75,4 +75,4 @@ def unseen(query: Query, view: View, sentence: str) -> Answer:
     found = [resolve(anchor, view, 1) for anchor in anchors]
     if not all(found) or (query.target.room and room_of(view) != query.target.room):
         return UNKNOWN
-    return Answer(sentence, Certainty.UNSEEN, sum(prominence(view.things[m[0].index]) for m in found), "no")
+    return Answer(sentence, Certainty.UNSEEN, sum((prominence(view.things[m[0].index]) for m in found), 0.0), "no")

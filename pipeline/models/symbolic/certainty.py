@@ -25,7 +25,7 @@ class Certainty(IntEnum):
 
 _UNKNOWN = re.compile(
     r"\b(?:can(?:not|'t| not)|could(?: not|n't)|unable to|impossible to|hard to|difficult to|not possible to) "
-    r"(?:\w+ ){0,2}?(?:tell|say|see|determine|know|answer|identify|confirm|make out|find|locate|be seen)\b"
+    r"(?:\w+ ){0,2}?(?:tell|told|say|said|see|seen|determined?|known?|answer|identif\w+|confirm|make out|find|locate)\b"
     r"|\b(?:don't|do not|doesn't|does not) (?:know|show|provide|contain)\b"
     r"|\bnot (?:sure|certain|clear|visible|shown|enough|in (?:this |the )?view|in (?:this |the )?image)\b"
     r"|\b(?:unclear|uncertain|unknown|unsure|no idea|i'm sorry|i am sorry|apologi[sz]e|insufficient|no answer)\b"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pipeline.models.symbolic.about_states import clearly, option_measure
+from pipeline.models.symbolic.about_states import clearly, measure_option
 from pipeline.models.symbolic.answer import Answer
 from pipeline.models.symbolic.answer_view import answer_view
 from pipeline.models.symbolic.certainty import Certainty
@@ -87,7 +87,9 @@ def _compared(query: Query, views: Sequence[View]) -> tuple[int, str] | None:
     taken = []
     for option in query.options:
         values = [
-            (value, i) for i, view in enumerate(views) if (value := option_measure(query, option, view)) is not None
+            (found.measure, i)
+            for i, view in enumerate(views)
+            if (found := measure_option(query, option, view)) is not None
         ]
         if not values:
             return None

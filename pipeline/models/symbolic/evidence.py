@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from pipeline.models.symbolic.knowledge import ROOM_SIGNS, STRUCTURE
-from pipeline.models.symbolic.lexicon import nouns_of
+from pipeline.models.symbolic.lexicon import canonical, nouns_of
 from pipeline.models.symbolic.parse_question import parse_question
 from pipeline.models.symbolic.phrases import Phrase, Query
 from pipeline.models.symbolic.tagging import tag
@@ -30,14 +30,14 @@ def rank_evidence(question: str, categories: Sequence[str], k: int) -> str:
     query = parse_question(question, names)
     present = frozenset(names)
     ranked = dict.fromkeys(name for name in _ranked(query, question, names) if name in present)
-    building = [name for name in ranked if name in STRUCTURE]
-    useful = [name for name in ranked if name not in STRUCTURE] + building
+    building = [name for name in ranked if canonical(name) in STRUCTURE]
+    useful = [name for name in ranked if name not in building] + building
     return "\n".join(useful[:k]) or "none"
 
 
 def _ranked(query: Query, question: str, names: tuple[str, ...]) -> Iterator[str]:
     if query.kind == "use":
-        yield from useful_names(query.words)
+        yield from _useful(query, names)
     if query.kind == "describe" and query.target.words and not query.target.named:
         return
     for option in query.options:
@@ -51,9 +51,14 @@ def _ranked(query: Query, question: str, names: tuple[str, ...]) -> Iterator[str
             if group.value == "wall" and query.target.anything:
                 yield from ON_WALLS
         elif group.tag == "room":
-            yield from (name for name in names if name in ROOM_SIGNS.get(group.value, ()))
+            yield from (name for name in names if canonical(name) in ROOM_SIGNS.get(group.value, ()))
     if query.kind != "use" and not query.target.named:
-        yield from useful_names(query.words)
+        yield from _useful(query, names)
+
+
+def _useful(query: Query, names: tuple[str, ...]) -> Iterator[str]:
+    for wanted in useful_names(query.words):
+        yield from (name for name in names if canonical(name) == canonical(wanted))
 
 
 def _names(phrase: Phrase) -> Iterator[str]:

@@ -13,6 +13,17 @@ GROUND = frozenset(listed_in("floor, mat, rug, carpet, shower floor"))
 UPRIGHT = frozenset(listed_in("wall, closet wall, shower wall, door, window, divider, column, pillar"))
 """Things hang on these."""
 
+FLOOR_STANDING = frozenset(
+    listed_in(
+        "armchair, bathroom cabinet, bathroom counter, bathtub, bed, bench, bicycle, bookshelf, cabinet, "
+        "chair, clothes dryer, coat rack, coffee table, couch, counter, desk, dining table, dishwasher, door, "
+        "dresser, end table, file cabinet, fireplace, folded chair, kitchen counter, ladder, nightstand, "
+        "office chair, ottoman, piano, refrigerator, sofa chair, stairs, stool, stove, table, toilet, tv "
+        "stand, wardrobe, washing machine"
+    )
+)
+"""Things that stand on the floor: nobody takes one seen over a chair for standing on it."""
+
 CONTAINERS = frozenset(
     listed_in(
         "bag, basket, bathtub, bin, bookshelf, bowl, box, bucket, cabinet, cart, closet, container, crate, cup, "
@@ -59,6 +70,8 @@ ROOM_SIGNS: dict[str, frozenset[str]] = {
     }.items()
 }
 """Things that tell what a room is."""
+WEAK_SIGNS = frozenset(listed_in("dining table, desk, tv, keyboard, dresser"))
+"""Signs that stand in other rooms as well."""
 
 ROOM_NAMES: dict[str, str] = {
     word: room

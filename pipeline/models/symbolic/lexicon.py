@@ -14,6 +14,7 @@ SYNONYMS: tuple[tuple[str, ...], ...] = (
     ("tv", "television", "tv set", "telly"),
     (
         "trash can",
+        "trashcan",
         "trash bin",
         "garbage can",
         "garbage bin",
@@ -75,6 +76,10 @@ SYNONYMS: tuple[tuple[str, ...], ...] = (
     ("keyboard", "computer keyboard"),
     ("mouse", "computer mouse"),
     ("tissue box", "box of tissues", "tissues"),
+    ("blinds", "blind"),
+    ("headphones", "headphone"),
+    ("doorframe", "door frame"),
+    ("windowsill", "window sill"),
     ("ball", "football", "soccer ball", "basketball"),
 )
 """Words that mean the same thing; the first is the canonical one."""
@@ -281,6 +286,13 @@ def key_of(name: str) -> tuple[str, ...]:
 
 CANONICAL: dict[tuple[str, ...], str] = {key_of(word): group[0] for group in SYNONYMS for word in group}
 """Canonical name of every word that has one."""
+
+
+@lru_cache(maxsize=4096)
+def canonical(name: str) -> str:
+    """Return the name by which knowledge of a thing is looked up: data sets write "trashcan" and "kitchen cabinets"."""
+    key = key_of(name)
+    return CANONICAL.get(key, " ".join(key))
 
 
 class Nouns:

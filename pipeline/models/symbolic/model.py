@@ -22,7 +22,7 @@ from pipeline.models.symbolic.perceive import View, perceive
 from pipeline.models.symbolic.phrases import Query
 from schemas.errors import InputError
 
-RULES = "1"
+RULES = "2"
 """Version of the rules: it enters every cache key, so it changes whenever an answer may."""
 KEPT_VIEWS = 512
 """Perceived views kept, about 10 kB each: the candidates of the questions in flight."""

@@ -38,7 +38,11 @@ def parse_question(question: str, vocabulary: tuple[str, ...]) -> Query:
     target, options, reference = _parts(kind, measure, reading, asked_at=_last_verb([g.text for g in groups]))
     if kind == "state":
         measure = " ".join(dict.fromkeys(reading.states))
-    if kind in _LOOKING and target.words and not target.named and useful_names(words):
+    if kind == "room" and target.words and not target.named and useful_names(words):
+        # "In which room would a family sit?" speaks of no thing but of what rooms are for.
+        return Query("room", NOTHING, measure="use", words=words)
+    nameless = not target.named and (bool(target.words) or kind == "where")
+    if kind in _LOOKING and nameless and useful_names(words):
         return Query("use", target, measure=_USE_MEASURE.get(kind, ""), words=words)
     return Query(kind, target, options, measure, reference, tuple(reading.colors), words)
 

@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float, Int64
 from pipeline.models.messages import ImagePart
 from pipeline.models.symbolic.components import Parts, find_parts, jump_limit
 from pipeline.models.symbolic.knowledge import DOORS, LIGHTS, OPENING, STRUCTURE
+from pipeline.models.symbolic.lexicon import canonical
 from pipeline.models.symbolic.merge import merge_parts
 from pipeline.models.symbolic.shapes import free_edges, hollow
 from pipeline.scene.color_names import COLOR_NAMES, name_colors
@@ -49,6 +50,8 @@ class Thing:
 
     name: str
     """Category name."""
+    kind: str
+    """Its canonical name, by which one knows what such things are like."""
     share: float
     """Share of the image it covers, 0 to 1."""
     center: tuple[float, float]
@@ -122,7 +125,7 @@ def perceive(image: ImagePart) -> View:
         return View(())
     points = _points(parts, depth, np.asarray(seen.K, np.float64), np.asarray(seen.up, np.float64), stride)
     low, high = _boxes(parts, points)
-    building = np.array([seen.vocabulary[name] in STRUCTURE for name in parts.category])
+    building = np.array([canonical(seen.vocabulary[name]) in STRUCTURE for name in parts.category])
     owner = merge_parts(parts, depth, low, high, ~building)
     rgb = color.reshape(-1, 3)[parts.sample_pixel] / 255.0
     names, bright = name_colors(rgb), rgb.max(axis=1)
@@ -137,12 +140,12 @@ def perceive(image: ImagePart) -> View:
             parts.bounds[members],
             (low[members].min(axis=0), high[members].max(axis=0)),
             points[samples],
-            _matte(seen.vocabulary[parts.category[first]], names[samples], bright[samples]),
+            _matte(canonical(seen.vocabulary[parts.category[first]]), names[samples], bright[samples]),
             bright[samples],
             depth.shape,
         )
         if thing is not None:
-            if thing.name in OPENING:
+            if thing.kind in OPENING:
                 thing = _shaped(thing, np.isin(parts.labels, members), depth, parts.bounds[members])
             things.append((thing, int(first)))
     things.sort(key=lambda pair: (-pair[0].share, pair[1]))
@@ -200,7 +203,8 @@ def _thing(
     left, top = bounds[:, 0].min(), bounds[:, 1].min()
     right, bottom = bounds[:, 2].max(), bounds[:, 3].max()
     cut = bool(left == 0 or top == 0 or right == width - 1 or bottom == height - 1)
-    needed = CUT_FACTOR if cut and name not in STRUCTURE else 1.0
+    kind = canonical(name)
+    needed = CUT_FACTOR if cut and kind not in STRUCTURE else 1.0
     if share < SEEN_SHARE * needed:
         return None
     counts = np.bincount(colors, minlength=len(COLOR_NAMES))
@@ -208,6 +212,7 @@ def _thing(
     second = COLOR_NAMES[int(order[1])] if counts[order[1]] >= 0.3 * len(colors) else ""
     return Thing(
         name=name,
+        kind=kind,
         share=share,
         center=(float(0.5 * (left + right + 1) / width), float(0.5 * (top + bottom + 1) / height)),
         cut=cut,
@@ -223,10 +228,10 @@ def _thing(
     )
 
 
-def _matte(name: str, colors: Int64[np.ndarray, "S"], bright: Float[np.ndarray, "S"]) -> Int64[np.ndarray, "C"]:
+def _matte(kind: str, colors: Int64[np.ndarray, "S"], bright: Float[np.ndarray, "S"]) -> Int64[np.ndarray, "C"]:
     """Leave out what shines of a light: glare has no colour of its own, the rest of the light does."""
     dim = bright < GLARE
-    return colors[dim] if name in LIGHTS and dim.mean() >= MATTE_SHARE else colors
+    return colors[dim] if kind in LIGHTS and dim.mean() >= MATTE_SHARE else colors
 
 
 def _kept_points(
@@ -244,7 +249,7 @@ def _shaped(
     left, top = np.maximum(0, bounds[:, :2].min(axis=0) - 1)
     right, bottom = bounds[:, 2:].max(axis=0) + 2
     mask, depth = mask[top:bottom, left:right], depth[top:bottom, left:right]
-    if thing.name in DOORS:
+    if thing.kind in DOORS:
         return replace(thing, free_edges=free_edges(mask, depth))
     return replace(thing, hollow=hollow(mask, depth))
 

@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float
 
-from pipeline.models.symbolic.knowledge import CONTAINERS, GROUND, STRUCTURE, UPRIGHT
+from pipeline.models.symbolic.knowledge import CONTAINERS, FLOOR_STANDING, GROUND, STRUCTURE, UPRIGHT
 from pipeline.models.symbolic.perceive import Thing, View
 
 REST_M = 0.12
@@ -47,15 +47,17 @@ Degree = Callable[[View, int, int], float]
 def on(view: View, a: int, b: int) -> float:
     """Return whether a rests on b: it meets b from above, or its foot is at b's top and over it."""
     upper, lower = view.things[a], view.things[b]
-    if upper.name in STRUCTURE or (upper.name in UPRIGHT and lower.name not in UPRIGHT):
+    if upper.kind in STRUCTURE or (upper.kind in UPRIGHT and lower.kind not in UPRIGHT):
         return 0.0
-    if lower.name in UPRIGHT:
+    if upper.kind in FLOOR_STANDING and lower.kind not in GROUND:
+        return 0.0
+    if lower.kind in UPRIGHT:
         return _hangs_on(view, a, b)
     if lower.high[1] < upper.low[1] - REST_M or upper.low[1] < lower.low[1] - STEP_M:
         return 0.0
-    if lower.name in GROUND:
+    if lower.kind in GROUND:
         return 1.0 if upper.low[1] - lower.high[1] <= REST_M and view.contacts.get((a, b), 0.0) > 0 else 0.0
-    if upper.size[0] > 1.5 * lower.size[0] + EDGE_M:
+    if (upper.size[[0, 2]] > 1.5 * lower.size[[0, 2]] + EDGE_M).any():
         return 0.0
     touches = view.contacts.get((a, b), 0.0) >= REST_SHARE
     beneath = _beside_axis(upper, lower)
@@ -80,7 +82,7 @@ def _hangs_on(view: View, a: int, b: int) -> float:
 def inside(view: View, a: int, b: int) -> float:
     """Return whether a is in b, a thing that can hold others: within its box and below its top."""
     inner, outer = view.things[a], view.things[b]
-    if outer.name not in CONTAINERS or inner.name in STRUCTURE:
+    if outer.kind not in CONTAINERS or inner.kind in STRUCTURE | FLOOR_STANDING:
         return 0.0
     if inner.size[0] > outer.size[0] + EDGE_M or inner.size[1] > outer.size[1] + EDGE_M:
         return 0.0
@@ -92,7 +94,7 @@ def inside(view: View, a: int, b: int) -> float:
 def under(view: View, a: int, b: int) -> float:
     """Return whether a is under b: within its footprint, lower, close to it, and not resting on it."""
     lower, upper = view.things[a], view.things[b]
-    if lower.name in STRUCTURE or upper.name in STRUCTURE or view.contacts.get((a, b), 0.0) >= REST_SHARE:
+    if lower.kind in STRUCTURE or upper.kind in STRUCTURE or view.contacts.get((a, b), 0.0) >= REST_SHARE:
         return 0.0
     if inside(view, a, b) or on(view, b, a) or on(view, a, b):
         return 0.0
@@ -177,7 +179,7 @@ def held_on(view: View, a: int, b: int) -> float:
 def held_in(view: View, a: int, b: int) -> float:
     """Return whether a is in b in the loose way of speech: in a counter, in a bed, in what hardly encloses it."""
     inner, outer = view.things[a], view.things[b]
-    sunk = inner.name not in STRUCTURE and inner.high[1] <= outer.high[1] + STEP_M and _over(inner, outer, 0.0)
+    sunk = inner.kind not in STRUCTURE and inner.high[1] <= outer.high[1] + STEP_M and _over(inner, outer, 0.0)
     sunk = sunk and inner.low[1] > outer.low[1] + STEP_M
     return max(inside(view, a, b), 0.9 * on(view, a, b), 0.9 * sunk)
 

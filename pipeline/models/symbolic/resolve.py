@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pipeline.models.symbolic.knowledge import ROOM_SIGNS, STRUCTURE
+from pipeline.models.symbolic.knowledge import ROOM_SIGNS, STRUCTURE, WEAK_SIGNS
 from pipeline.models.symbolic.lexicon import NEAR_COLORS
 from pipeline.models.symbolic.perceive import Thing, View
 from pipeline.models.symbolic.phrases import Link, Phrase
@@ -59,7 +59,7 @@ class Match:
 def candidates(phrase: Phrase, view: View) -> list[int]:
     """Return the things that carry a name of the phrase; for an unnamed one, all but parts of the building."""
     if phrase.anything:
-        return [index for index, thing in enumerate(view.things) if thing.name not in STRUCTURE]
+        return [index for index, thing in enumerate(view.things) if thing.kind not in STRUCTURE]
     return view.named(phrase.exact) or view.named(phrase.kinds)
 
 
@@ -133,15 +133,15 @@ def room_of(view: View, index: int | None = None) -> str:
     votes = dict.fromkeys(ROOM_SIGNS, 0.0)
     for thing in _about(view, index):
         for room, signs in ROOM_SIGNS.items():
-            if thing.name in signs:
-                votes[room] += 1.0 + thing.share
+            if thing.kind in signs:
+                votes[room] += (0.5 if thing.kind in WEAK_SIGNS else 1.0) + thing.share
     best = sorted(votes.items(), key=lambda item: -item[1])
     return best[0][0] if best[0][1] > best[1][1] else ""
 
 
 def room_signs(view: View, room: str, index: int | None = None) -> int:
     """Return how many different kinds of things point to a room, about one thing or in the whole view."""
-    return len({thing.name for thing in _about(view, index)} & ROOM_SIGNS.get(room, frozenset()))
+    return len({thing.kind for thing in _about(view, index)} & ROOM_SIGNS.get(room, frozenset()))
 
 
 def _about(view: View, index: int | None) -> Sequence[Thing]:
@@ -173,7 +173,7 @@ def _room_fit(room: str, view: View, index: int) -> float:
     """One sign of the room will do; without, signs of others speak against it. A room without signs is not judged."""
     if room not in ROOM_SIGNS or room_signs(view, room, index):
         return 1.0
-    others = len({thing.name for thing in _about(view, index)} & _ANY_SIGN)
+    others = len({thing.kind for thing in _about(view, index)} & _ANY_SIGN)
     return OTHER_ROOM if others > 1 else NO_SIGN
 
 

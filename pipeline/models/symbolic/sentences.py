@@ -85,18 +85,18 @@ def place_of(view: View, index: int, *, without: frozenset[str] = frozenset()) -
     """
     thing = view.things[index]
     others = [i for i, other in enumerate(view.things) if i != index and other.name not in without]
-    furniture = [i for i in others if view.things[i].name not in STRUCTURE | GROUND]
+    furniture = [i for i in others if view.things[i].kind not in STRUCTURE | GROUND]
     for relation, words in ((inside, "in"), (on, "on"), (under, "under")):
         # What is below a window is next to it.
         holders = [i for i in furniture if relation(view, index, i) >= 1.0 and view.things[i].name != thing.name]
         if words != "in":
-            holders = [i for i in holders if view.things[i].name not in UPRIGHT]
+            holders = [i for i in holders if view.things[i].kind not in UPRIGHT]
         if holders:
             size = -1.0 if words == "under" else 1.0
             best = min(holders, key=lambda i: (-view.contacts.get((index, i), 0.0), size * view.things[i].share, i))
             return f"{words} the {view.things[best].name}", view.things[best].clear
     beside = _beside(view, index, furniture)
-    hanging = [i for i in others if view.things[i].name in UPRIGHT and on(view, index, i) >= 1.0]
+    hanging = [i for i in others if view.things[i].kind in UPRIGHT and on(view, index, i) >= 1.0]
     if hanging:
         over = [i for i in furniture if above(view, index, i) >= 1.0]
         place = f"on the {view.things[hanging[0]].name}"
@@ -109,7 +109,7 @@ def place_of(view: View, index: int, *, without: frozenset[str] = frozenset()) -
             return f"behind the {view.things[i].name}", view.things[i].clear
     if beside:
         return beside
-    standing = [i for i in others if view.things[i].name in GROUND and on(view, index, i) >= 1.0]
+    standing = [i for i in others if view.things[i].kind in GROUND and on(view, index, i) >= 1.0]
     return (f"on the {view.things[standing[0]].name}", False) if standing else None
 
 

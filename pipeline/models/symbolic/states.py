@@ -8,7 +8,7 @@ from pipeline.models.symbolic.knowledge import CASES, CURTAINS, DOORS, LIGHTS, S
 from pipeline.models.symbolic.perceive import View
 from pipeline.models.symbolic.relations import gap_m, inside, on
 
-GLOWS = 0.96
+GLOWS = 0.98
 """A light whose brightest part reaches this is on: a lamp overexposes, white paint in a lit room does not."""
 STANDS_OUT = 0.15
 """The bright part of a light that is on must be brighter than the whole of it by this, or all of it must glow."""
@@ -61,13 +61,13 @@ def state_of(view: View, index: int, asked: str) -> State | None:
 
 def _switched(view: View, index: int) -> State | None:
     thing = view.things[index]
-    if thing.name in LIGHTS:
+    if thing.kind in LIGHTS:
         glows = thing.peak >= GLOWS and (thing.peak - thing.bright >= STANDS_OUT or thing.bright >= GLOWS - 0.1)
         if glows:
             return State("on", True)
         # A cut lamp may have its shade outside the image.
         return State("off", not thing.cut and thing.peak < GLOWS)
-    if thing.name in SCREENS:
+    if thing.kind in SCREENS:
         if thing.bright >= SCREEN_LIT:
             return State("on", True)
         return State("off", thing.bright < SCREEN_DARK)
@@ -76,25 +76,25 @@ def _switched(view: View, index: int) -> State | None:
 
 def _opened(view: View, index: int) -> State | None:
     thing = view.things[index]
-    if thing.name in DOORS:
+    if thing.kind in DOORS:
         # One free edge is enough to be open; to be closed both edges must be seen in the frame.
         if any(share >= AJAR for share in thing.free_edges):
             return State("open", True)
         return State("closed", True) if len(thing.free_edges) == 2 and max(thing.free_edges) < SHUT else None
-    if thing.name in CASES | VESSELS:
+    if thing.kind in CASES | VESSELS:
         if thing.hollow >= LOOKED_INTO:
             return State("open", not thing.cut)
         # From the side an open vessel looks like a closed one.
-        return State("closed", not thing.cut) if thing.name in CASES and thing.hollow < SOLID else None
-    if thing.name in CURTAINS:
+        return State("closed", not thing.cut) if thing.kind in CASES and thing.hollow < SOLID else None
+    if thing.kind in CURTAINS:
         bare = any(
-            other.name == "window"
+            other.kind == "window"
             and other.share >= BARE_WINDOW * thing.share
             and gap_m(other, thing) <= CURTAIN_REACH_M
             for other in view.things
         )
         return State("open", True) if bare else State("closed", False)
-    if thing.name == "laptop":
+    if thing.kind == "laptop":
         return State("open" if thing.size[1] >= LID_M else "closed", not thing.cut)
     return None
 
@@ -102,6 +102,6 @@ def _opened(view: View, index: int) -> State | None:
 def _load(view: View, index: int) -> State | None:
     """Something on or in it makes it full; nothing seen there makes it empty, without certainty."""
     for other, thing in enumerate(view.things):
-        if other != index and thing.name not in STRUCTURE and (on(view, other, index) or inside(view, other, index)):
+        if other != index and thing.kind not in STRUCTURE and (on(view, other, index) or inside(view, other, index)):
             return State("full", True)
     return State("empty", False)

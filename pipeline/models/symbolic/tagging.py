@@ -106,9 +106,11 @@ def _unnamed(found: Sequence[Token], at: int) -> Token:
     token = found[at]
     if token.tag != "word" or token.text in _NO_NOUN or not token.text.isalpha():
         return token
-    if at + 1 < len(found) and (
-        found[at + 1].tag in ("noun", "any", "room", "color", "size") or found[at + 1].text in _NO_NOUN - _BE
-    ):
+    after = at + 1
+    while after < len(found) and found[after].tag in ("color", "size"):
+        after += 1
+    follows = found[after] if after < len(found) else None
+    if follows is not None and (follows.tag in ("noun", "any", "room") or follows.text in _NO_NOUN - _BE):
         return token
     before = at - 1
     while before >= 0 and found[before].tag in ("color", "size", "extreme"):

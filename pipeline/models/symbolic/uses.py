@@ -21,7 +21,7 @@ USES: tuple[tuple[str, str, str], ...] = (
     ("relaxing", "relax- | rest | lounge", "couch, armchair, sofa chair, bed"),
     ("sitting", "sit | seat", _SEATS),
     ("putting up the feet", "feet | legs", "ottoman, stool"),
-    ("washing hands", "wash hand | wash face | rinse | clean hand", "sink, soap dispenser, soap dish"),
+    ("washing hands", "wash hand | dirty hand | wash face | rinse | clean hand", "sink, soap dispenser, soap dish"),
     ("washing dishes", "wash dish | clean dish | dirty dish | wash plate | wash cup", "dishwasher, sink"),
     ("washing clothes", "wash cloth- | do laundry", "washing machine, laundry basket"),
     ("holding dirty clothes", "dirty cloth-", "laundry hamper, laundry basket, washing machine"),

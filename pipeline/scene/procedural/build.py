@@ -8,9 +8,10 @@ import numpy as np
 
 from pipeline.scene.objects import SceneObject
 from pipeline.scene.procedural.gaze import record
+from pipeline.scene.procedural.home import Home
 from pipeline.scene.procedural.layout import Room, make_layout
 from pipeline.scene.procedural.openings import add_switches, hang_doors, open_windows
-from pipeline.scene.procedural.placement import Home, RoomPlacer
+from pipeline.scene.procedural.placement import RoomPlacer
 from pipeline.scene.procedural.rooms import FURNISH
 from pipeline.scene.procedural.splatting import splat
 from pipeline.scene.procedural.vocabulary import VOCABULARY

@@ -73,10 +73,10 @@ def cut(shape: Shape, covers: Faces) -> Shape:
     hiding = same & meets.all(axis=2) & (ahead > 1e-6) & (ahead <= BEHIND_M)
     hidden_by = {int(quads.surface[row]): np.flatnonzero(hiding[row]) for row in np.flatnonzero(hiding.any(axis=1))}
     result = Shape()
-    surfaces = zip(shape.kinds, shape.frames, shape.tapers, shape.paints, shape.joins, strict=True)
-    for index, (kind, frame, taper, paint, joins) in enumerate(surfaces):
+    columns = (shape.kinds, shape.frames, shape.tapers, shape.paints, shape.joins, shape.details)
+    for index, (kind, frame, taper, paint, joins, detail) in enumerate(zip(*columns, strict=True)):
         if index not in hidden_by:
-            result.add(Kind(kind), frame, paint, taper, joins)
+            result.add(Kind(kind), frame, paint, taper, joins, detail)
             continue
         u, v = frame[1] - frame[0], frame[2] - frame[0]
         a, b = int(np.abs(u).argmax()), int(np.abs(v).argmax())
@@ -89,7 +89,7 @@ def cut(shape: Shape, covers: Faces) -> Shape:
             pieces = [part for piece in pieces for part in rectangle_without(*piece, hole)]
         for (u0, v0, u1, v1), piece_joins in pieces:
             corners = np.stack([frame[0] + s * u + t * v for t in (v0, v1) for s in (u0, u1)])
-            result.add(Kind.QUAD, corners, paint, taper, piece_joins)
+            result.add(Kind.QUAD, corners, paint, taper, piece_joins, detail)
     return result
 
 

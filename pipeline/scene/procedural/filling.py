@@ -115,7 +115,7 @@ def put(placer: RoomPlacer, holder: Placed, slot: Slot, model: Model, *, turn: f
         siblings = [thing for thing in placer.home.by_room[holder.room] if thing.parent == holder.instance]
         if not inside or any(oriented_boxes_overlap(placed, other, APART_M) for other in siblings):
             continue
-        if placer.collides(placed, 0.005):
+        if placer.collides(placed, 0.005) or (on_floor and not placer.leaves_way(placed)):
             continue
         return placer.keep(placed)
     return None

@@ -13,8 +13,10 @@ from pipeline.scene.procedural.things import Placed
 
 CELL_M = 0.1
 """Side of a cell."""
-BODY_M = 0.27
+BODY_M = 0.26
 """Half the width of a person: the walk keeps this far from everything."""
+FURNISHED_M = 0.31
+"""Distance kept while furnishing: half a cell more, so that what is left open stays so on any grid."""
 KNEE_M, REACH_M = 0.06, 1.75
 """Things lower than the first or hung above the second are walked over or under."""
 
@@ -27,16 +29,21 @@ class FloorGrid:
     """Lowest x and y, metres."""
     blocked: Bool[np.ndarray, "X Y"]
     """Cells whose middle is too close to something."""
+    body_m: float = BODY_M
+    """Distance kept from everything, metres."""
 
     @classmethod
-    def of_room(cls, room: Room, like: FloorGrid | None = None) -> FloorGrid:
+    def of_room(cls, room: Room, like: FloorGrid | None = None, body_m: float = BODY_M) -> FloorGrid:
         """Return the grid of an empty room, blocked along its walls; on the cells of `like` when given."""
         low, high = np.array(room.low), np.array(room.high)
         shape = np.ceil((high - low) / CELL_M).astype(int)
-        grid = cls(low, np.zeros(tuple(shape), bool)) if like is None else cls(like.low, np.zeros_like(like.blocked))
+        if like is None:
+            grid = cls(low, np.zeros(tuple(shape), bool), body_m)
+        else:
+            grid = cls(like.low, np.zeros_like(like.blocked), body_m)
         x, y = grid.centers()
-        near_x = (x < low[0] + BODY_M) | (x > high[0] - BODY_M)
-        near_y = (y < low[1] + BODY_M) | (y > high[1] - BODY_M)
+        near_x = (x < low[0] + body_m) | (x > high[0] - body_m)
+        near_y = (y < low[1] + body_m) | (y > high[1] - body_m)
         grid.blocked = near_x[:, None] | near_y[None, :]
         return grid
 
@@ -61,8 +68,8 @@ class FloorGrid:
         x, y = self.centers()
         (x0, y0, _), (x1, y1, _) = placed.box
         shadow = np.zeros_like(self.blocked)
-        i = np.flatnonzero((x > x0 - BODY_M) & (x < x1 + BODY_M))
-        j = np.flatnonzero((y > y0 - BODY_M) & (y < y1 + BODY_M))
+        i = np.flatnonzero((x > x0 - self.body_m) & (x < x1 + self.body_m))
+        j = np.flatnonzero((y > y0 - self.body_m) & (y < y1 + self.body_m))
         if len(i) and len(j):
             low, high = placed.model.bounds
             c, s = np.cos(placed.yaw), np.sin(placed.yaw)
@@ -70,7 +77,7 @@ class FloorGrid:
             u, v = c * dx + s * dy, -s * dx + c * dy
             far_u = np.maximum(np.maximum(low[0] - u, u - high[0]), 0)
             far_v = np.maximum(np.maximum(low[1] - v, v - high[1]), 0)
-            shadow[i[0] : i[-1] + 1, j[0] : j[-1] + 1] = np.hypot(far_u, far_v) < BODY_M
+            shadow[i[0] : i[-1] + 1, j[0] : j[-1] + 1] = np.hypot(far_u, far_v) < self.body_m
         return shadow
 
     def stays_open(self, added: Sequence[Placed], doors: Sequence[tuple[float, float]]) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline.geometry import Camera
-from pipeline.scene.procedural.placement import Home
+from pipeline.scene.procedural.home import Home
 from pipeline.scene.procedural.things import Placed
 from pipeline.scene.procedural.walk import Walk
 from pipeline.scene.views import View
@@ -50,8 +50,8 @@ class _Watcher:
     """What decides where to look."""
 
     home: Home
-    overlooked: list[Float[np.ndarray, "k 8 3"]]
-    """Box corners of overlooked things, by room."""
+    overlooked: list[np.ndarray]
+    """Box corners (k 8 3) of the k overlooked things, by room."""
     half_view: Float[np.ndarray, "2"]
     """Half fields of view, horizontal and vertical, radians."""
     rng: np.random.Generator
@@ -155,7 +155,7 @@ def _is_hidden(thing: Placed) -> bool:
     return thing.relation in ("in", "under", "behind")
 
 
-def _overlooked(home: Home, rng: np.random.Generator) -> list[Float[np.ndarray, "k 8 3"]]:
+def _overlooked(home: Home, rng: np.random.Generator) -> list[np.ndarray]:
     result = []
     for number in range(len(home.layout.rooms)):
         things = [t for t in home.by_room.get(number, []) if t.model.category not in NOT_LOOKED_AT]

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.scene.procedural.furniture.fixtures import curtain, door, light_switch, radiator, window
+from pipeline.scene.procedural.home import Home
 from pipeline.scene.procedural.layout import DOOR_HEIGHT_M, DOOR_WIDTH_M, WALL_M, Doorway, Room
 from pipeline.scene.procedural.paint import pick
-from pipeline.scene.procedural.placement import Home, RoomPlacer
+from pipeline.scene.procedural.placement import RoomPlacer
 from pipeline.scene.procedural.things import Model, Placed
 from pipeline.scene.procedural.walls import SIDES, Side
 

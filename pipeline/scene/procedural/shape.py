@@ -14,7 +14,9 @@ from jaxtyping import Float
 
 from pipeline.scene.procedural.paint import Paint
 
-XYZ = tuple[float, float, float]
+Number = float | int
+"""Builders write 0 for 0.0; checked types tell the two apart."""
+XYZ = tuple[Number, Number, Number]
 Joins = tuple[bool, bool, bool, bool]
 """Whether a surface goes on beyond its low u, high u, low v and high v end."""
 FREE: Joins = (False, False, False, False)
@@ -67,6 +69,8 @@ class Shape:
     """Finish of each surface."""
     joins: list[Joins] = field(default_factory=list)
     """Which ends of each surface's grid another surface continues."""
+    details: list[float] = field(default_factory=list)
+    """Spacing of each surface's samples relative to what its object's size asks for."""
 
     def quad(self, corners: Float[np.ndarray, "4 3"], paint: Paint) -> None:
         """Add a flat four-sided surface from corners P00, P10, P01, P11."""
@@ -129,7 +133,7 @@ class Shape:
         frame = np.stack([np.array(at, np.float64), u, np.cross(unit, u), unit])
         self.add(Kind.DISC, frame, paint, (inner / outer, 1.0))
 
-    def ball(self, at: XYZ, radii: float | XYZ, paint: Paint) -> None:
+    def ball(self, at: XYZ, radii: Number | XYZ, paint: Paint) -> None:
         """Add an ellipsoid about its middle `at`."""
         axes = np.diag(np.broadcast_to(np.asarray(radii, np.float64), (3,)))
         self.add(Kind.BALL, np.concatenate([np.array([at], np.float64), axes]), paint)
@@ -162,11 +166,11 @@ class Shape:
         """Add another shape turned by `tilt` about its x axis, then `yaw` about z, then moved to `at` (radians, m)."""
         ct, st, cy, sy = np.cos(tilt), np.sin(tilt), np.cos(yaw), np.sin(yaw)
         turn = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]]) @ np.array([[1, 0, 0], [0, ct, -st], [0, st, ct]])
-        surfaces = zip(other.kinds, other.frames, other.tapers, other.paints, other.joins, strict=True)
-        for kind, frame, taper, paint, joins in surfaces:
+        columns = (other.kinds, other.frames, other.tapers, other.paints, other.joins, other.details)
+        for kind, frame, taper, paint, joins, detail in zip(*columns, strict=True):
             moved = frame @ turn.T
             moved[: 4 if kind == Kind.QUAD else 1] += at
-            self.add(Kind(kind), moved, paint, taper, joins)
+            self.add(Kind(kind), moved, paint, taper, joins, detail)
 
     def bounds(self) -> Float[np.ndarray, "2 3"]:
         """Return the exact lowest and highest corner of all surfaces, metres."""
@@ -179,6 +183,7 @@ class Shape:
         paint: Paint,
         taper: tuple[float, float] = (1.0, 1.0),
         joins: Joins = FREE,
+        detail: float = 1.0,
     ) -> None:
         """Add one surface as it is stored."""
         self.kinds.append(int(kind))
@@ -186,6 +191,7 @@ class Shape:
         self.tapers.append(taper)
         self.paints.append(paint)
         self.joins.append(joins)
+        self.details.append(detail)
 
 
 def surface_bounds(

@@ -37,6 +37,8 @@ class Surfaces:
     """Radius factors at base and tip (cones), or inner and outer (discs)."""
     joins: Bool[np.ndarray, "S 4"]
     """Which ends of the grid another surface continues."""
+    detail: Float[np.ndarray, "S"]
+    """Spacing relative to what the object's size asks for."""
     paint: Int[np.ndarray, "S"]
     """Index into `paints`."""
     owner: Int[np.ndarray, "S"]
@@ -54,6 +56,7 @@ def collect(shapes: Sequence[Shape]) -> Surfaces:
         frame=np.stack([frame for shape in shapes for frame in shape.frames]),
         taper=np.array([taper for shape in shapes for taper in shape.tapers], np.float64),
         joins=np.array([joins for shape in shapes for joins in shape.joins], bool),
+        detail=np.array([detail for shape in shapes for detail in shape.details], np.float64),
         paint=np.array(paint, np.int64),
         owner=np.repeat(np.arange(len(shapes)), [len(shape.kinds) for shape in shapes]),
         paints=tuple(numbers),
@@ -133,7 +136,7 @@ def choose_grids(
     most = np.sqrt(object_area / MIN_PER_OBJECT)
 
     def attempt(base_m: float, floor: float) -> tuple[Int[np.ndarray, "S 2"], Float[np.ndarray, "S"], float]:
-        spacing = np.minimum(base_m * factor, most * floor)
+        spacing = np.minimum(base_m * factor, most * floor) * surfaces.detail
         counts = grids(surfaces, sides, spacing)
         return counts, spacing, float(counts.prod(axis=1).sum())
 

@@ -9,13 +9,15 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from pipeline.scene.procedural.floor_grid import CELL_M, FloorGrid, flood
+from pipeline.scene.procedural.home import Home
 from pipeline.scene.procedural.layout import Doorway, Layout
-from pipeline.scene.procedural.placement import Home
 
 STOPS = (2, 4)
 """Places visited in each room, least and most (exclusive)."""
-ROOMY = 3
+ROOMY = 4
 """Cells of free floor around a stop that count as enough."""
+NARROW = 2.0
+"""Extra cost of a step right beside something, relative to its length."""
 APART_M = 0.9
 """Least distance between the stops in one room, where there is room for it."""
 
@@ -55,7 +57,7 @@ def _open(grid: FloorGrid, way: Doorway) -> None:
     """Free the cells along the middle of a doorway, as far as the landings on both sides."""
     x, y = way.center
     for t in np.arange(-0.45, 0.46, CELL_M / 2):
-        for side in (-CELL_M, 0.0, CELL_M):
+        for side in (-CELL_M / 2, 0.0, CELL_M / 2):
             point = (x + t, y + side) if way.axis == 0 else (x + side, y + t)
             grid.blocked[grid.cell(*point)] = False
 
@@ -133,8 +135,12 @@ _STEPS = [(i, j, float(np.hypot(i, j))) for i in (-1, 0, 1) for j in (-1, 0, 1) 
 
 
 def shortest(blocked: Bool[np.ndarray, "X Y"], start: tuple[int, int], goal: tuple[int, int]) -> list[tuple[int, int]]:
-    """Return the cells of a shortest way by A*; both ends must be free and connected."""
+    """Return the cells of a cheapest way by A*; both ends must be free and connected.
+
+    A step costs its length, and more where something is near: people keep to the middle of free floor.
+    """
     walls: list[list[bool]] = blocked.tolist()
+    price = (1.0 + NARROW * (ROOMY - _freedom(~blocked)) / ROOMY).tolist()
     cost = {start: 0.0}
     came: dict[tuple[int, int], tuple[int, int]] = {}
     queue = [(0.0, start)]
@@ -152,7 +158,7 @@ def shortest(blocked: Bool[np.ndarray, "X Y"], start: tuple[int, int], goal: tup
             # No cutting of corners: both side cells of a diagonal step must be free.
             if walls[i + di][j + dj] or walls[i + di][j] or walls[i][j + dj]:
                 continue
-            new = cost[here] + length
+            new = cost[here] + length * price[i + di][j + dj]
             if new < cost.get(there, np.inf):
                 cost[there], came[there] = new, here
                 rest = float(np.hypot(there[0] - goal[0], there[1] - goal[1]))

@@ -10,11 +10,13 @@ from jaxtyping import Float
 from pipeline.scene.procedural.cutting import rectangle_without
 from pipeline.scene.procedural.layout import DOOR_HEIGHT_M, WALL_M, XY, Doorway, Layout, Room
 from pipeline.scene.procedural.paint import PALETTE, RGB, Paint, Texture, mix, pick
-from pipeline.scene.procedural.shape import FREE, Kind, Shape
+from pipeline.scene.procedural.shape import Kind, Shape
 from pipeline.scene.procedural.things import Model
 
 SEAL_M = 0.03
 """How far floors, walls and ceilings run on behind each other, so that no light comes in along the edges of a room."""
+DOORSIDE_M, DOORSIDE_DETAIL = 0.4, 0.5
+"""Width of wall beside a doorway that gets finer discs, and how much finer: big discs turn to fog when passed close."""
 BASEBOARD_M = (0.01, 0.08)
 """Thickness and height of the strip along the foot of a wall."""
 
@@ -126,15 +128,18 @@ def _wall(layout: Layout, number: int, side: Side, paint: Paint, base: Paint) ->
     outer = plane - side.inward * WALL_M / 2
     thickness, rise = BASEBOARD_M
     ways = openings(layout, number, side)
-    pieces = [((low - SEAL_M, -SEAL_M, high + SEAL_M, room.height + SEAL_M), FREE)]
     for way in ways:
-        opening = (way.low, -1.0, way.high, DOOR_HEIGHT_M)
-        pieces = [part for piece in pieces for part in rectangle_without(*piece, opening)]
         _reveal(shape, side, plane, outer, way, paint)
     forward = (side.axis == 0) == (side.inward > 0)
-    for (start, z0, stop, z1), joins in pieces:
-        ends, turned = ((start, stop), joins) if forward else ((stop, start), (joins[1], joins[0], *joins[2:]))
-        shape.add(Kind.QUAD, _upright(side.axis, plane, *ends, z0, z1), paint, joins=turned)
+    for start, stop, detail in _columns(low - SEAL_M, high + SEAL_M, ways):
+        ends = (start > low, stop < high, False, False)
+        pieces = [((start, -SEAL_M, stop, room.height + SEAL_M), ends)]
+        for way in ways:
+            opening = (way.low, -1.0, way.high, DOOR_HEIGHT_M)
+            pieces = [part for piece in pieces for part in rectangle_without(*piece, opening)]
+        for (left, z0, right, z1), joins in pieces:
+            along, turned = ((left, right), joins) if forward else ((right, left), (joins[1], joins[0], *joins[2:]))
+            shape.add(Kind.QUAD, _upright(side.axis, plane, *along, z0, z1), paint, joins=turned, detail=detail)
     at = low
     for end, resume in [*((way.low, way.high) for way in ways), (high, high)]:
         _face(shape, side, plane + side.inward * thickness, at, end, 0.0, rise, base)
@@ -148,17 +153,34 @@ def _wall(layout: Layout, number: int, side: Side, paint: Paint, base: Paint) ->
     return shape
 
 
+def _columns(low: float, high: float, ways: list[Doorway]) -> list[tuple[float, float, float]]:
+    """Start, end and detail of the upright strips of a wall: finer about doorways, where people come close."""
+    spans = [(max(low, way.low - DOORSIDE_M), min(high, way.high + DOORSIDE_M)) for way in ways]
+    columns, at = [], low
+    for start, stop in spans:
+        if start > at + 0.05:
+            columns.append((at, start, 1.0))
+            at = start
+        if stop > at:
+            columns.append((at, stop, DOORSIDE_DETAIL))
+            at = stop
+    if high > at:
+        columns.append((at, high, 1.0))
+    return columns
+
+
 def _reveal(shape: Shape, side: Side, plane: float, outer: float, way: Doorway, paint: Paint) -> None:
     """The cut through the wall around a doorway, to the wall's middle."""
     near, far = sorted((plane, outer))
     for along, facing in ((way.low, 1), (way.high, -1)):
         start, stop = (near, far) if (side.axis == 1) == (facing > 0) else (far, near)
-        shape.quad(_upright(1 - side.axis, along, start, stop, 0.0, DOOR_HEIGHT_M), paint)
+        face = _upright(1 - side.axis, along, start, stop, 0.0, DOOR_HEIGHT_M)
+        shape.add(Kind.QUAD, face, paint, detail=DOORSIDE_DETAIL)
     lintel = np.empty((4, 3))
     lintel[:, side.axis] = (near, near, far, far) if side.axis == 0 else (far, far, near, near)
     lintel[:, 1 - side.axis] = (way.low, way.high, way.low, way.high)
     lintel[:, 2] = DOOR_HEIGHT_M
-    shape.quad(lintel, paint)
+    shape.add(Kind.QUAD, lintel, paint, detail=DOORSIDE_DETAIL)
 
 
 def _flat(low: tuple[float, float], high: tuple[float, float], z: float) -> Float[np.ndarray, "4 3"]:

@@ -12,12 +12,15 @@ from pipeline.scene.procedural.things import Model
 
 LEAF_M = 0.04
 """Thickness of a door leaf."""
+LEAF_DETAIL = 0.7
+"""Finer discs on doors, which people pass close by."""
 
 
 def door(rng: np.random.Generator, width: float, height: float, *, is_open: bool, color: str) -> Model:
     """Return a door leaf from its hinge (x = 0) to x = width, handles on both sides."""
     s, paint, knob = Shape(), wood(color, rng), metal("gray" if color != "gray" else "black", rng)
     s.board((width / 2, 0, 0.01), (width, LEAF_M, height - 0.02), paint)
+    s.details = [LEAF_DETAIL] * len(s.details)
     for y in (-1, 1):
         s.board((width - 0.08, y * (LEAF_M / 2 + 0.03), 1.0), (0.12, 0.02, 0.02), knob)
         s.board((width - 0.05, y * (LEAF_M / 2 + 0.01), 0.98), (0.04, 0.02, 0.08), knob)

@@ -104,16 +104,16 @@ def water_pitcher(rng: np.random.Generator) -> Model:
 
 
 def clock(rng: np.random.Generator) -> Model:
-    """Round wall clock with a white face and a coloured rim."""
+    """Round wall clock with a white face; its colour is the rim's."""
     color, s = pick(rng, "black", "red", "blue", "brown", "green"), Shape()
     rim = flat(color, rng)
     s.rod((0, 0, 0.15), (0, 0.04, 0), 0.15, rim, caps="none")
-    s.ring((0, 0.04, 0.15), (0, 1, 0), 0.115, 0.15, rim)
-    s.ring((0, 0.038, 0.15), (0, 1, 0), 0.0, 0.115, flat("white", rng))
+    s.ring((0, 0.04, 0.15), (0, 1, 0), 0.1, 0.15, rim)
+    s.ring((0, 0.038, 0.15), (0, 1, 0), 0.0, 0.1, flat("white", rng))
     hand = flat("black", rng)
     s.board((0, 0.05, 0.15), (0.014, 0.006, 0.08), hand)
     s.board((0.03, 0.05, 0.143), (0.06, 0.006, 0.014), hand)
-    return Model("clock", "white", s)
+    return Model("clock", color, s)
 
 
 def alarm_clock(rng: np.random.Generator) -> Model:

@@ -55,10 +55,12 @@ def stand(placer: RoomPlacer, *names: str, edge: bool = True) -> None:
             fill_container(placer, placed)
 
 
-def put_on(placer: RoomPlacer, holder: Placed | None, names: tuple[str, ...], count: int, kind: str = "") -> None:
+def put_on(
+    placer: RoomPlacer, holder: Placed | None, names: tuple[str, ...], count: int, kind: str = "", turn: float = 0.3
+) -> None:
     """Put things on a piece of furniture, if it found a place itself."""
     if holder:
-        fill(placer, holder, "on", names, count, kind=kind)
+        fill(placer, holder, "on", names, count, kind=kind, turn=turn)
 
 
 def put_in(placer: RoomPlacer, holder: Placed | None, names: tuple[str, ...], count: int) -> None:

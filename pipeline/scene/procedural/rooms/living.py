@@ -30,7 +30,7 @@ def living_room(placer: RoomPlacer) -> None:
     couch = couch or against(placer, "armchair", gap=0.45)
     facing = [side for side in SIDES if couch and abs(abs(side.yaw - couch.yaw) - 3.1416) < 0.01]
     stand_ = placer.against_wall(make(placer, "tv_stand"), sides=facing or SIDES, front=0.5)
-    put_on(placer, stand_, ("tv",), 1)
+    put_on(placer, stand_, ("tv",), 1, turn=0.05)
     put_in(placer, stand_, ("books", "box", "speaker", "basket", "telephone", "headphones"), 2)
     put_on(placer, stand_, ("speaker", "plant", "candle"), 1)
     if couch:

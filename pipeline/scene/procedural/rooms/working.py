@@ -26,7 +26,7 @@ def office(placer: RoomPlacer) -> None:
     rng = placer.rng
     for number in range(2):
         desk = against(placer, "desk", front=0.75)
-        put_on(placer, desk, ("monitor",) if number == 0 else ("laptop", "monitor"), 1)
+        put_on(placer, desk, ("monitor",) if number == 0 else ("laptop", "monitor"), 1, turn=0.15)
         put_on(placer, desk, ("keyboard",), 1)
         put_on(placer, desk, ("mouse", "mouse", "laptop"), 1)
         put_on(placer, desk, DESK_THINGS, int(rng.integers(2, 4)))
