@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from pipeline.scene.scene import Scene
 
 
+SCAN_GROUNDING = {"single": 45, "multi": 12, "zero": 8, "referring": 20}
+"""Most grounding questions about a scan: ScanRefer asks tens of a scene, and few of ours are needed for the rest."""
+
+
 @dataclass(frozen=True, slots=True)
 class BuiltScene:
     """A scene folder that was written."""
@@ -70,15 +74,17 @@ def build_scan(directory: Path, output: str, *, views: int = 120, seed: int = 0)
     from pipeline.construct.scannet_mesh import build_scannet_mesh
 
     scene, objects = build_scannet_mesh(directory, views=views)
-    return _write(scene, objects, (), output, seed)
+    return _write(scene, objects, (), output, seed, **SCAN_GROUNDING)
 
 
-def _write(scene: Scene, objects: Sequence[SceneObject], rooms: Sequence[Any], output: str, seed: int) -> BuiltScene:
+def _write(
+    scene: Scene, objects: Sequence[SceneObject], rooms: Sequence[Any], output: str, seed: int, **most: int
+) -> BuiltScene:
     from pipeline.scene.questions import generate_questions
     from pipeline.scene.save import save_scene
     from pipeline.scene.scene_file import QUESTIONS
 
-    questions = generate_questions(scene.name, objects, rooms, np.random.default_rng(seed))
+    questions = generate_questions(scene.name, objects, rooms, np.random.default_rng(seed), **most)
     # Questions first: save_scene writes scene.json last, and a folder that has one is whole.
     save_questions(questions, storage.join(output, QUESTIONS))
     save_scene(scene, output, objects)

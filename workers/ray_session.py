@@ -4,14 +4,21 @@ from __future__ import annotations
 
 import logging
 import os
+import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
+
+from schemas.errors import StopError
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("schemas", "pipeline", "workers")
 """What workers import, found in ROOT."""
+
+REACH_S = 10.0
+"""Seconds a cluster's head gets to accept a connection."""
 
 WORKER_ENVIRONMENT = {
     # Ray sets OMP_NUM_THREADS itself, but numba would still take every core in every worker.
@@ -29,13 +36,28 @@ QUIET = {
 """Read by Ray when it is imported."""
 
 
+def _reach(address: str) -> None:
+    """Refuse an address nobody listens at; Ray itself would try for minutes and then print a traceback."""
+    place = urlsplit(address if "://" in address else f"//{address}")
+    try:
+        port = place.port
+        if place.hostname is None or port is None:
+            return
+        socket.create_connection((place.hostname, port), timeout=REACH_S).close()
+    except (OSError, ValueError) as error:
+        raise StopError(f"no Ray cluster answers at {address}: {error}") from error
+
+
 @contextmanager
 def ray_session(*, cpus: int, address: str = "") -> Iterator[int]:
     """Connect to Ray for a block and disconnect after it; gives the CPUs it may use.
 
     Args:
         cpus: CPU slots of a local Ray started here; ignored with an address.
-        address: An existing cluster, such as "auto" or "ray://host:10001"; empty starts a local one.
+        address: An existing cluster, such as "auto" or "host:6379"; empty starts a local one.
+
+    Raises:
+        StopError: No cluster answers at the address.
     """
     for name, value in QUIET.items():
         os.environ.setdefault(name, value)
@@ -44,8 +66,12 @@ def ray_session(*, cpus: int, address: str = "") -> Iterator[int]:
     quiet: dict[str, Any] = {"logging_level": logging.ERROR, "log_to_driver": False}
     if address:
         # The cluster brings the libraries; our code goes with the job, so that workers run the planned version.
+        _reach(address)
         code = {"py_modules": [str(ROOT / name) for name in PACKAGES], "excludes": ["**/__pycache__/**"]}
-        ray.init(address=address, runtime_env={"env_vars": WORKER_ENVIRONMENT, **code}, **quiet)
+        try:
+            ray.init(address=address, runtime_env={"env_vars": WORKER_ENVIRONMENT, **code}, **quiet)
+        except ConnectionError as error:
+            raise StopError(f"no Ray cluster answers at {address}: {str(error).splitlines()[0]}") from error
     else:
         # Workers do not inherit this process's import path.
         path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH", "")]))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from pipeline.models.symbolic.knowledge import ROOM_SIGNS, STRUCTURE
-from pipeline.models.symbolic.lexicon import canonical, nouns_of
+from pipeline.models.symbolic.lexicon import canonical
 from pipeline.models.symbolic.parse_question import parse_question
 from pipeline.models.symbolic.phrases import Phrase, Query
 from pipeline.models.symbolic.tagging import tag
@@ -45,7 +45,7 @@ def _ranked(query: Query, question: str, names: tuple[str, ...]) -> Iterator[str
     yield from _names(query.target)
     if query.reference is not None:
         yield from _names(query.reference)
-    for group in tag(question, nouns_of(names)):
+    for group in tag(question, names):
         if group.tag == "noun":
             yield from sorted(group.exact) or sorted(group.kinds)
             if group.value == "wall" and query.target.anything:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 
-from pipeline.models.symbolic.lexicon import nouns_of
 from pipeline.models.symbolic.phrases import NOTHING, Kind, Phrase, Query
 from pipeline.models.symbolic.question_kind import kind_of
 from pipeline.models.symbolic.reading import AUXILIARY, Draft, Reading, read
@@ -28,7 +27,7 @@ def parse_question(question: str, vocabulary: tuple[str, ...]) -> Query:
         question: A question or a descriptive sentence.
         vocabulary: Category names the nouns are matched to.
     """
-    groups = tag(question, nouns_of(vocabulary))
+    groups = tag(question, vocabulary)
     words = tuple(word for group in groups if group.tag != "pause" for word in group.text.split())
     kind, measure = kind_of(words, groups)
     words = tuple(word for group in groups if group.tag not in ("pause", "room") for word in group.text.split())

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 from pipeline.models.symbolic.knowledge import ROOM_NAMES
-from pipeline.models.symbolic.lexicon import ANYTHING, COLORS, EXTREMES, RELATIONS, SIZES, STATES, Nouns
+from pipeline.models.symbolic.lexicon import ANYTHING, COLORS, EXTREMES, RELATIONS, SIZES, STATES, Nouns, nouns_of
 from pipeline.models.symbolic.words import is_word, listed_in, singular, tokens
 
 Tag = Literal["noun", "any", "room", "color", "size", "extreme", "state", "relation", "pause", "word"]
@@ -54,10 +55,16 @@ class Token:
     """A noun in the plural."""
 
 
-def tag(question: str, nouns: Nouns) -> list[Token]:
-    """Return the groups of a question in order; longer groups win over shorter ones."""
-    found = _groups(question, nouns)
-    return [_unnamed(found, at) for at in range(len(found))]
+@lru_cache(maxsize=4096)
+def tag(question: str, vocabulary: tuple[str, ...]) -> tuple[Token, ...]:
+    """Return the groups of a question in order; longer groups win over shorter ones.
+
+    Args:
+        question: A question or a description.
+        vocabulary: Names the nouns are matched to.
+    """
+    found = _groups(question, nouns_of(vocabulary))
+    return tuple(_unnamed(found, at) for at in range(len(found)))
 
 
 def _groups(question: str, nouns: Nouns) -> list[Token]:

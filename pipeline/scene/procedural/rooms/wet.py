@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from pipeline.scene.procedural.placement import RoomPlacer
 from pipeline.scene.procedural.rooms.common import (
     CABINET_THINGS,
@@ -40,19 +38,11 @@ COUNTER_THINGS = (
 def kitchen(placer: RoomPlacer) -> None:
     """A row of units along one wall, cabinets above, a table with chairs."""
     rng = placer.rng
-    units = [
-        "refrigerator",
-        "kitchen_counter",
-        "sink_unit",
-        "dishwasher",
-        "stove",
-        "kitchen_cabinet",
-        "kitchen_counter",
-    ]
-    middle = [units[int(i)] for i in rng.permutation(np.arange(1, len(units)))]
-    row = placer.run(
-        [make(placer, name) for name in ([units[0], *middle] if chance(placer, 0.5) else [*middle, units[0]])]
-    )
+    # What a kitchen cannot do without comes first: a short wall leaves out the end of the row.
+    needed, further = ["sink_unit", "stove", "kitchen_counter"], ["kitchen_cabinet", "dishwasher", "kitchen_counter"]
+    rng.shuffle(needed)
+    rng.shuffle(further)
+    row = placer.run([make(placer, name) for name in ("refrigerator", *needed, *further)])
     placed = {unit.model.category for unit in row}
     for name, category in (("refrigerator", "refrigerator"), ("stove", "stove"), ("sink_unit", "sink")):
         if category not in placed and (unit := against(placer, name, corner=True)):
@@ -88,14 +78,14 @@ def kitchen(placer: RoomPlacer) -> None:
 
 def bathroom(placer: RoomPlacer) -> None:
     """Tub, toilet, basin and cabinets."""
-    tub = against(placer, "bathtub", corner=True)
-    put_in(placer, tub, ("ball", "bottle", "stuffed_animal", "bucket"), 1)
-    if tub:
-        placer.beside(tub, make(placer, "shower_curtain"), gap=0.02)
     vanity = against(placer, "bathroom_counter")
     put_on(placer, vanity, ("basin",), 1, "basin")
     put_on(placer, vanity, ("soap_dispenser", "cup", "tissue_box", "plant", "bottle"), 3)
     hang(placer, "mirror", (1.15, 1.2), above=vanity)
+    tub = against(placer, "bathtub", corner=True)
+    put_in(placer, tub, ("ball", "bottle", "stuffed_animal", "bucket"), 1)
+    if tub:
+        placer.beside(tub, make(placer, "shower_curtain"), gap=0.02)
     toilet = against(placer, "toilet", gap=0.05, front=0.45)
     put_on(placer, toilet, ("toilet_roll", "candle", "plant"), 1)
     if toilet:
