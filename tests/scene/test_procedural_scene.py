@@ -40,14 +40,23 @@ def test_gaussians_come_close_to_the_number_asked_for(count: int) -> None:
     assert abs(len(scene.gaussians) / count - 1) < COUNT_TOLERANCE
 
 
+@pytest.mark.slow
+def test_five_million_gaussians_are_built() -> None:
+    scene = build_apartment(3, rooms=8, gaussians=5_000_000, views=10).scene
+    assert abs(len(scene.gaussians) / 5_000_000 - 1) < COUNT_TOLERANCE
+
+
 def test_same_arguments_give_the_same_bits() -> None:
     a, b = (build_apartment(11, rooms=2, gaussians=20_000, views=12) for _ in range(2))
     for name in ("means", "quats", "log_scales", "opacity_logits", "sh"):
         assert np.array_equal(getattr(a.scene.gaussians, name), getattr(b.scene.gaussians, name))
-    assert np.array_equal(a.scene.semantics.instance, b.scene.semantics.instance)
+    one, two = a.scene.semantics.instance, b.scene.semantics.instance
+    assert one is not None
+    assert two is not None
+    assert np.array_equal(one, two)
     assert a.objects == b.objects
-    for one, two in zip(a.scene.views, b.scene.views, strict=True):
-        assert np.array_equal(one.camera.world_to_camera, two.camera.world_to_camera)
+    for view, same in zip(a.scene.views, b.scene.views, strict=True):
+        assert np.array_equal(view.camera.world_to_camera, same.camera.world_to_camera)
 
 
 def test_number_of_gaussians_changes_neither_contents_nor_views() -> None:
