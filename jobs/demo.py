@@ -22,8 +22,9 @@ from jobs.submit import RunResult, submit
 from schemas.run_folder import RUN_FILE, RunFolder
 from workers.ray_session import WORKER_ENVIRONMENT
 
-SEEDS = range(1, 1_000)
-"""Seeds of the apartments, in order."""
+SEEDS = range(101, 1_101)
+"""Seeds of the apartments, in order. Those below were looked at while the symbolic model's rules were written, so
+figures on them would flatter it."""
 CHUNK = 10
 """Questions a unit: small, so that an interrupted demo has lost little."""
 GENERATORS = ("pipeline/scene/procedural", "pipeline/scene/questions", "pipeline/scene/color_names.py")
@@ -49,8 +50,8 @@ def run_demo(
     """
     shown = progress or for_terminal()
     if fresh:
-        for name in ("scenes", "run"):
-            _remove(output / name)
+        for path in (output / "run", *sorted((output / "scenes").glob("apartment-*"))):
+            _remove(path)
     folders = _build_scenes(output / "scenes", scenes, shown)
     config = JobConfig(
         name="demo",
@@ -107,6 +108,6 @@ def _code_sha256() -> str:
 
 def _remove(path: Path) -> None:
     """Remove a folder that a demo made, and only such a one."""
-    made_here = (path / RUN_FILE).exists() or path.name == "scenes" or path.parent.name == "scenes"
-    if path.is_dir() and made_here:
+    if path.is_dir() and ((path / RUN_FILE).exists() or _stamp_file(path).exists()):
+        _stamp_file(path).unlink(missing_ok=True)  # first: what is left of a folder without it is built again
         shutil.rmtree(path)

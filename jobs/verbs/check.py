@@ -12,7 +12,7 @@ BAD_INPUT = 2
 def check(scene: Annotated[str, typer.Argument(help="Scene folder, a path or URI.")]) -> None:
     """Say what a scene holds, what is missing and what is wrong; exit with 2 when it cannot be used.
 
-    Example: [bold]splatreasoner check demo/scenes/apartment-1[/bold]
+    Example: [bold]splatreasoner check demo/scenes/apartment-101[/bold]
     """
     from pipeline.scene.check import check_scene
 

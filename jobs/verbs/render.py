@@ -23,7 +23,7 @@ def render(
 ) -> None:
     """Render recorded views: PNG pictures to look at, and the exact arrays as NPZ.
 
-    Example: [bold]splatreasoner render demo/scenes/apartment-1 --camera view_010 --outputs color,depth
+    Example: [bold]splatreasoner render demo/scenes/apartment-101 --camera 00010 --outputs color,depth
     --output pictures[/bold]
     """
     from jobs.pictures import render_views

@@ -224,7 +224,8 @@ class _Case:
             return tuple(replace(arm, mark=Mark(None, reason)) for arm in arms)
         texts = [arm.result.text if arm.result.status == "answered" else None for arm in arms]
         with self.watch.stage("judge", len({text for text in texts if text is not None})):
-            marks = await mark_answers(self.question, texts, self.caller, self.calls)
+            names = [arm.name for arm in arms]
+            marks = await mark_answers(self.question, texts, names, self.caller, self.calls)
         return tuple(replace(arm, mark=mark) for arm, mark in zip(arms, marks, strict=True))
 
 

@@ -24,13 +24,14 @@ class Mark:
 
 
 async def mark_answers(
-    question: Question, answers: Sequence[str | None], caller: Caller, calls: list[CallRow]
+    question: Question, answers: Sequence[str | None], arms: Sequence[str], caller: Caller, calls: list[CallRow]
 ) -> list[Mark]:
     """Return the mark of every answer; equal texts are judged once.
 
     Args:
         question: With its reference answer, and others that it accepts.
         answers: Answer texts; None for an arm without one, which stays unscored.
+        arms: Names of the arms that gave them; a call's row names all that gave the text it judges.
         caller: Sends the calls.
         calls: Where the rows are appended.
     """
@@ -47,7 +48,7 @@ async def mark_answers(
             (),
             parse_mark,
             question=question,
-            subject="",
+            subject=", ".join(arm for arm, answer in zip(arms, answers, strict=True) if answer == text),
         )
         for text in texts
     ]
