@@ -29,8 +29,8 @@ class RunStatus:
     """Questions in committed units."""
     statuses: Mapping[str, int]
     """Committed questions by status: answered, unparsed, failed, skipped."""
-    failures: Mapping[str, int]
-    """Failed questions by error, as the diary tells; those redone later included."""
+    reasons: Mapping[str, int]
+    """Failed questions by error and message, most frequent first, as the diary tells; those redone later included."""
     retries: int
     """Tries beyond the first."""
     running: bool
@@ -68,12 +68,12 @@ def run_status(run: str) -> RunStatus:
             done += 1
             done_questions += manifest.questions
             statuses.update(manifest.statuses)
-    failures: Counter[str] = Counter()
+    reasons: Counter[str] = Counter()
     retries, begun, session = 0, "", list[tuple[str, int]]()
     for event in read_events(run):
         kind = event.get("event")
         if kind == "failed":
-            failures[str(event.get("error"))] += 1
+            reasons[f"{event.get('error')}: {event.get('message', '')}"] += 1
         elif kind == "retry":
             retries += 1
         elif kind == "started":
@@ -87,7 +87,7 @@ def run_status(run: str) -> RunStatus:
         questions=questions,
         questions_done=done_questions,
         statuses=dict(statuses),
-        failures=dict(failures),
+        reasons=dict(reasons.most_common()),
         retries=retries,
         running=driver_alive(run),
         per_minute=_rate(begun, session),

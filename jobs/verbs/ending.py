@@ -11,6 +11,8 @@ if TYPE_CHECKING:
 
 FAILED = 1
 STOPPED = 130
+REASONS = 3
+"""Reasons of failed questions that are told; the others stand in events.jsonl and in the tables."""
 
 
 def end(result: RunResult) -> None:
@@ -24,10 +26,12 @@ def end(result: RunResult) -> None:
     driven, status = result.driven, run_status(result.run)
     counts = ", ".join(f"{count} {name}" for name, count in sorted(status.statuses.items()))
     print(f"{result.run}: {driven.done} of {driven.planned} questions committed" + (f" ({counts})" if counts else ""))
+    for reason, count in list(status.reasons.items())[:REASONS]:
+        print(f"  {count} failed: {reason}")
     if driven.stopped:
         print(f"stopped; go on with: splatreasoner resume {result.run}")
         raise typer.Exit(STOPPED)
     if status.statuses.get("failed", 0) == driven.planned:
-        print("every question failed; see events.jsonl")
+        print("every question failed")
         raise typer.Exit(FAILED)
     print(f"scores: splatreasoner aggregate {result.run}; page: splatreasoner report {result.run}")

@@ -25,7 +25,7 @@ def status(run: Annotated[str, typer.Argument(help="Run folder, a path or URI.")
         print(f"rate: {found.per_minute:.1f} questions a minute, {found.minutes_left:.1f} minutes left")
     if found.retries:
         print(f"tries beyond the first: {found.retries}")
-    for kind, count in sorted(found.failures.items()):
-        print(f"failed with {kind}: {count}")
+    for reason, count in found.reasons.items():
+        print(f"  {count} failed: {reason}")
     if not found.complete and not found.running:
         print(f"go on with: splatreasoner resume {run}")

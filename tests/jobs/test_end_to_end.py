@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from jobs.config import JobConfig
-from jobs.demo import run_demo
+from jobs.demo import SEEDS, run_demo
 from jobs.progress import Silent
 from jobs.results import RESULTS
 from jobs.submit import resume, submit
@@ -110,7 +110,7 @@ def test_demo_runs_whole_and_again_reuses_all(tmp_path: Path) -> None:
     first = run_demo(tmp_path, scenes=1, progress=Silent())
     assert first.driven.complete
     assert first.driven.planned >= 100
-    scene = tmp_path / "scenes" / "apartment-1" / "gaussians.ply"
+    scene = tmp_path / "scenes" / f"apartment-{SEEDS[0]}" / "gaussians.ply"
     before, results = scene.stat().st_mtime_ns, result_bytes(first.run)
     again = run_demo(tmp_path, scenes=1, progress=Silent())
     assert scene.stat().st_mtime_ns == before
