@@ -1,4 +1,4 @@
-"""Stress cases that must not reach the renderer: refused on construction, dropped at load with a count, or warned of."""
+"""Stress cases that must not reach the renderer: refused, dropped at load with a count, or warned of."""
 
 from __future__ import annotations
 
@@ -55,7 +55,9 @@ def read(data: bytes):
 def dropped() -> str:
     """Count by reason of a file with one of every fault."""
     file = read(ply_with(x=np.nan, rot_=0.0, scale_1=np.inf, opacity=np.nan, f_dc_0=-np.inf))
-    return f"{len(file.gaussians)} kept; " + ", ".join(f"{reason} {count}" for reason, count in sorted(file.dropped.items()))
+    return f"{len(file.gaussians)} kept; " + ", ".join(
+        f"{reason} {count}" for reason, count in sorted(file.dropped.items())
+    )
 
 
 def unactivated() -> str:
