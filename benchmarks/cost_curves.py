@@ -4,8 +4,8 @@
     python -m benchmarks.cost_curves --largest 5_000_000 --plot docs/images/cost_curves.png
     python -m benchmarks.cost_curves --memory 5_000_000                   # peak memory only
 
-Each curve changes one thing of the synthetic room of `benchmarks/render.py`: 100,000 Gaussians of degree 3 at 640 x 480.
-Times are medians over the repeats: CPU milliseconds on one thread, wall milliseconds where threads or views are counted.
+Each curve changes one thing of the synthetic room of `benchmarks/render.py`: 100,000 Gaussians, degree 3, 640 x 480.
+Times are medians over the repeats: CPU milliseconds on one thread, wall milliseconds for threads and views.
 Memory is the peak of a process that holds the Gaussians, prepares them and renders colour, depth, alpha and dominance.
 """
 
