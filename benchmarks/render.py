@@ -7,7 +7,8 @@
 The yardstick folder holds `floor.py` with `render_floor` and `ns_per_vector`; without it the ratio columns are empty.
 The showroom is read from $SPLATREASONER_DATA (or ../shared/data) and left out where absent. Every figure is the median
 over the repeats; ours and the yardstick take turns, so that a busy machine slows both. One-thread figures are CPU time,
-figures of more threads wall time.
+figures of more threads wall time. The time of compositing is also given per contributing vector (one Gaussian in a
+block of 4 x 2 pixels, one of which at least takes it) beside the yardstick's blend from registers, which reads nothing.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.geometry import Camera, invert_rigid, look_at, normalise_quats, opengl_to_opencv
-from pipeline.render import Rendering, prepare, render_reference
+from pipeline.render import Rendering, count_blends, prepare, render_reference
 from pipeline.scene.gaussians import Gaussians
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -158,6 +159,28 @@ def measure(name: str, scene: Gaussians, cameras: list[Camera], repeats: int, th
                 worst = min(agreement[mode])
                 line += f"   {worst:18.1f} dB" if mode == "colour" else f"   {'':20} {100 * worst:8.4f} %"
             print(line, flush=True)
+            if number == 1:
+                print(vector_line(mode, prepared, cameras, rows, repeats, module), flush=True)
+
+
+def vector_line(mode: str, prepared, cameras: list[Camera], rows: list[dict], repeats: int, module) -> str:
+    """Nanoseconds of compositing per contributing vector: the median over views, each by its least repeat."""
+    counts = [count_blends(prepared, camera, dominance=mode == "dominance") for camera in cameras]
+    composite = np.array([row["composite"] for row in rows]).reshape(len(cameras), repeats).min(axis=1)
+    each = composite * 1e6 / np.maximum([count.contributing for count in counts], 1)
+    contributing, evaluated = (sum(getattr(c, name) for c in counts) for name in ("contributing", "vectors"))
+    line = f"{'':10} composite: {np.median(each):.2f} ns per contributing vector "
+    line += (
+        f"({contributing / len(cameras) / 1e6:.2f}M a view, {100 * contributing / evaluated:.0f} % of those evaluated)"
+    )
+    return line + (f"; from registers {module.ns_per_vector():.2f} ns" if module else "")
+
+
+def processor() -> str:
+    """The processor's name where the system tells it."""
+    cpuinfo = Path("/proc/cpuinfo")
+    lines = cpuinfo.read_text().splitlines() if cpuinfo.exists() else []
+    return next((line.split(": ")[1] for line in lines if line.startswith("model name")), platform.machine())
 
 
 def error_against_reference(module) -> None:
@@ -208,10 +231,13 @@ def main() -> None:
         sys.dont_write_bytecode = True
         sys.path.insert(0, str(options.yardstick.resolve()))
         module = importlib.import_module("floor")
-        print(f"register-only blend: {module.ns_per_vector():.2f} ns per 8-pixel vector")
+    import llvmlite
     import numba
 
-    print(f"{platform.machine()}, {os.cpu_count()} cores, numpy {np.__version__}, numba {numba.__version__}")
+    print(
+        f"{processor()}, {os.cpu_count()} cores, {platform.system()}, Python {platform.python_version()}, "
+        f"numpy {np.__version__}, numba {numba.__version__}, llvmlite {llvmlite.__version__}"
+    )
     for name in options.scenes:
         count = {"100k": 100_000, "500k": 500_000}.get(name)
         scene, cameras = showroom(options.poses) if count is None else synthetic_room(count)

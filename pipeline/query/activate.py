@@ -41,7 +41,7 @@ class ActivationConfig(BaseModel):
 
 @runtime_checkable
 class TextEncoder(Protocol):
-    """Turns category names into embeddings of the scene's feature space. None is shipped: features bring their own."""
+    """Turns category names into embeddings of the scene's feature space; a scene may bring its own as a file."""
 
     def encode(self, texts: Sequence[str]) -> Float[np.ndarray, "T D"]:
         """Return one embedding per text, any non-zero norm."""
@@ -77,7 +77,9 @@ def activate(
     if semantics.embedding is None:
         raise InputError("semantics", field="embedding", expected="one per Gaussian", found="none")
     if encoder is None:
-        raise InputError("activation", field="by", expected=f"a text encoder for {config.by!r}", found="none")
+        raise InputError(
+            "activation", field="by", expected=f"text_embeddings.npz in the scene for {config.by!r}", found="none"
+        )
     text = encoder.encode([category, *config.canonical])
     similarity = cosine_similarity(semantics.embedding, text)
     if config.by == "cosine":

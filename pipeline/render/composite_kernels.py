@@ -34,12 +34,14 @@ STATE = 48
 @kernel
 def composite(
     first_tile, last_tile, columns, first_row, width, height, offsets, entries, records, ids, opening, closing,
-    live, states, winner_states, background, color, depth, alpha, dominant, weight,
+    live, limits, states, winner_states, t_stop, background, color, depth, alpha, dominant, weight,
 ):  # fmt: skip
     """Composite one slab of the depth order into tiles first_tile to last_tile of a band, and write finished ones.
 
     A band starts at tile row `first_row`. Takes offsets (tiles + 1,) int64 into entries (int32 records per tile,
-    nearest first), records (rows * 16,) float32, ids (rows,) int32 Gaussians, background (3,) float32. Between slabs,
+    nearest first), records (rows * 16,) float32, ids (rows,) int32 Gaussians, limits (2,) float32 (see
+    `RenderQuality.limits`), t_stop, the transmittance below which a pixel also stops, float32 or None, and background
+    (3,) float32. Between slabs,
     live (tiles,) uint32 holds the blocks that still take records, states (tiles * 1536,) float32 and winner_states
     (tiles * 256,) int32 the rest. Tiles start afresh with the `opening` slab; a tile's pixels are written once, when
     all its blocks have stopped or with the `closing` slab: color (H * W * 3,), depth, alpha, weight (H * W,) float32
@@ -51,7 +53,7 @@ def composite(
     rows, words = np.empty(BATCH, np.int32), np.empty(BATCH, np.uint32)
     lists = np.empty(BLOCKS * BATCH, np.uint8)
     lengths = np.empty(BLOCKS, np.uint32)
-    zero, t_min = splat(np.float32(0.0)), splat(T_MIN)
+    zero, log2_alpha_min, t_min = splat(np.float32(0.0)), splat(limits[0]), splat(T_MIN)
     for tile in range(first_tile, last_tile):
         alive = live[tile]
         if alive == 0 or (offsets[tile] == offsets[tile + 1] and not (opening or closing)):
@@ -87,12 +89,14 @@ def composite(
                 for k in range(block * BATCH, block * BATCH + length):
                     entry = np.int64(at(lists, k))
                     e = entry * RECORD
-                    a = alpha_of(batch, e, pixel_x, pixel_y)
+                    a = alpha_of(batch, e, pixel_x, pixel_y, log2_alpha_min)
                     w = a * t
                     after = fma(-a, t, t)
                     stops = after < t_min
                     w = select(stops, zero, w)
                     t = select(stops, minus_magnitude(t), after)
+                    if t_stop is not None:
+                        t = select(t < splat(t_stop), minus_magnitude(t), t)
                     if color is not None:
                         red = fma(w, splat_at(batch, e + RED), red)
                         green = fma(w, splat_at(batch, e + GREEN), green)
@@ -103,7 +107,7 @@ def composite(
                         more = w > best
                         best = select(more, w, best)
                         winner = select(more, splat_at(rows, entry), winner)
-                    if bits(stops) != 0 and bits(t > zero) == 0:
+                    if (t_stop is not None or bits(stops) != 0) and bits(t > zero) == 0:
                         alive &= ~(np.uint32(1) << np.uint32(block))
                         break
                 store(state, s, t)

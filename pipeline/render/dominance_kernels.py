@@ -33,7 +33,7 @@ STATE = 16
 @kernel
 def dominate(
     first_tile, last_tile, columns, first_row, width, height, offsets, entries, records, ids, opening, closing,
-    live, states, winner_states, dominant, weight,
+    live, limits, states, winner_states, t_stop, dominant, weight,
 ):  # fmt: skip
     """Write `dominant` (H * W,) int32 and `weight` (H * W,) float32 of a range of tiles; arguments as in `composite`.
 
@@ -45,7 +45,8 @@ def dominate(
     rows, words = np.empty(BATCH, np.int32), np.empty(BATCH, np.uint32)
     lists = np.empty(BLOCKS * BATCH, np.uint8)
     lengths = np.empty(BLOCKS, np.uint32)
-    zero, t_min, cap = splat(np.float32(0.0)), splat(T_MIN), splat(ALPHA_CAP)
+    zero, cap = splat(np.float32(0.0)), splat(ALPHA_CAP)
+    log2_alpha_min, t_min = splat(limits[0]), splat(T_MIN)
     for tile in range(first_tile, last_tile):
         alive = live[tile]
         if alive == 0 or (offsets[tile] == offsets[tile + 1] and not (opening or closing)):
@@ -76,12 +77,14 @@ def dominate(
                 winner = load(winners, block * 8)
                 for k in range(block * BATCH, block * BATCH + length):
                     entry = np.int64(at(lists, k))
-                    a = alpha_of(batch, entry * RECORD, pixel_x, pixel_y)
+                    a = alpha_of(batch, entry * RECORD, pixel_x, pixel_y, log2_alpha_min)
                     w = a * t
                     after = fma(-a, t, t)
                     stops = after < t_min
                     w = select(stops, zero, w)
                     t = select(stops, minus_magnitude(t), after)
+                    if t_stop is not None:
+                        t = select(t < splat(t_stop), minus_magnitude(t), t)
                     more = w > best
                     best = select(more, w, best)
                     winner = select(more, splat_at(rows, entry), winner)

@@ -7,6 +7,7 @@ changes any bit of the result: a tile sees the same records in the same order.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from time import perf_counter, thread_time
 
@@ -22,6 +23,7 @@ from pipeline.render.dominance_kernels import dominate
 from pipeline.render.lens import Lens
 from pipeline.render.prepare import BLOCK, PreparedGaussians
 from pipeline.render.project_kernels import RECORD, project
+from pipeline.render.quality import EXACT, RenderQuality
 from pipeline.render.rendering import Rendering
 from pipeline.render.sh_kernels import shade
 from pipeline.render.sort_kernels import order_ties, put_depths, put_ids, sort_upper_half
@@ -61,49 +63,113 @@ def render_frame(
     sh_degree: int,
     antialias: bool,
     threads: int,
+    quality: RenderQuality = EXACT,
     statistics: FrameStatistics | None = None,
 ) -> Rendering:
-    """Return the outputs of one view; arguments are as in `render`, already checked."""
-    clock = _Clock(statistics, threads)
+    """Return the outputs of one view; arguments are as in `render`, already checked.
+
+    Of `quality`, the scale and the degree are the caller's to apply.
+    """
+    clock = Clock(statistics, threads)
+    packed = Lens.of(camera).packed(near)
+    records = sorted_records(
+        prepared, camera, near=near, antialias=antialias, quality=quality, threads=threads, clock=clock
+    )
+    images = _Images.empty(camera, outputs, background)
+    state = DOMINANCE_STATE if images.dominance_only else STATE
+    for step in steps(records, camera, threads, clock):
+        states = WORKSPACE.array("states", len(step.band.live) * BLOCKS * state, np.float32)
+        winners = WORKSPACE.array("winners", len(step.band.live) * BLOCKS * 8, np.int32)
+        if images.color is not None:
+            _shade(prepared, packed, records, step.slab, sh_degree, threads)
+            clock.lap("shade")
+        _composite(step, records, camera, quality, images, states, winners, threads)
+        clock.lap("composite")
+    return images.rendering(camera)
+
+
+def sorted_records(
+    prepared: PreparedGaussians,
+    camera: Camera,
+    *,
+    near: float,
+    antialias: bool,
+    quality: RenderQuality,
+    threads: int,
+    clock: Clock,
+) -> Records:
+    """Return the Gaussians this camera sees, projected and in depth order."""
     lens = Lens.of(camera)
-    packed = lens.packed(near)
     blocks = visible_blocks(prepared, camera, lens, near)
     clock.lap("cull")
-    table, rectangles, ids, keys = _project(prepared, camera, packed, blocks, antialias, threads)
+    table, rectangles, ids, keys = _project(
+        prepared, camera, lens.packed(near), quality.limits(), blocks, antialias, threads
+    )
     clock.lap("project")
     records = Records(table, rectangles, ids, _depth_order(table, ids, keys))
     clock.lap("sort")
     clock.count(blocks=len(blocks), records=len(records.keys))
+    return records
 
-    images = _Images.empty(camera, outputs, background)
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One slab to composite into the tiles of one band."""
+
+    slab: Slab
+    """The records, by tile."""
+    band: Band
+    """The tiles; the kernel clears `live` where a tile needs no more slabs."""
+    opening: bool
+    """Whether this is the band's first slab."""
+    closing: bool
+    """Whether no record is left after it."""
+
+    def paint(self, work: Callable[[int, int], None], threads: int) -> None:
+        """Call `work` for ranges of the band's tiles that cover them all, on `threads` threads."""
+        pieces = split(len(self.band.live), 1 if threads == 1 else threads * PIECES_PER_THREAD)
+        run_each(lambda k: work(*pieces[k]), len(pieces), threads)
+
+    def arguments(self, first: int, last: int, camera: Camera, records: Records) -> tuple[object, ...]:
+        """Return what every compositing kernel takes first, up to and including `live`."""
+        band, slab = self.band, self.slab
+        return (
+            first, last, band.columns, band.first_row, camera.width, camera.height, slab.offsets, slab.entries,
+            records.table, records.ids, self.opening, self.closing, band.live,
+        )  # fmt: skip
+
+
+def steps(
+    records: Records, camera: Camera, threads: int, clock: Clock, *, band_tiles: int | None = None
+) -> Iterator[Step]:
+    """Yield the slabs of every band in order, until no tile of it is live; composite one before asking for the next.
+
+    Args:
+        records: What the camera sees.
+        camera: Image size.
+        threads: Threads that bin.
+        clock: Counts and times the binning.
+        band_tiles: Tiles a band holds, at least one row; None for `BAND_TILES`.
+    """
     rows, columns = -(-camera.height // 16), -(-camera.width // 16)
-    band_rows = max(1, BAND_TILES // columns)
+    band_rows = max(1, (BAND_TILES if band_tiles is None else band_tiles) // columns)
     for first_row in range(0, rows, band_rows):
         band = Band.of(camera.width, camera.height, first_row, min(first_row + band_rows, rows))
-        tiles = len(band.live)
-        state = DOMINANCE_STATE if images.dominance_only else STATE
-        states = WORKSPACE.array("states", tiles * BLOCKS * state, np.float32)
-        winners = WORKSPACE.array("winners", tiles * BLOCKS * 8, np.int32)
-        size = max(SMALLEST_SLAB, SLAB_KEYS_PER_TILE * tiles)
+        size = max(SMALLEST_SLAB, SLAB_KEYS_PER_TILE * len(band.live))
         at, opening = 0, True
         while band.live.any():
             slab = bin_slab(records, band, at, size, threads)
             clock.lap("bin")
-            if images.color is not None:
-                _shade(prepared, packed, records, slab, sh_degree, threads)
-                clock.lap("shade")
-            closing = slab.last == len(records.keys)
-            _composite(slab, records, band, camera, images, states, winners, opening, closing, threads)
-            clock.lap("composite")
             clock.count(slabs=1, entries=len(slab.entries), touched=sum(map(len, slab.touched)))
+            yield Step(slab, band, opening, closing=slab.last == len(records.keys))
             at, opening, size = slab.last, False, min(size * SLAB_GROWTH, LARGEST_SLAB)
-    return images.rendering(camera)
 
 
 def _project(
     prepared: PreparedGaussians,
     camera: Camera,
     packed: np.ndarray,
+    limits: np.ndarray,
     blocks: Int32[np.ndarray, "b"],
     antialias: bool,
     threads: int,
@@ -120,7 +186,7 @@ def _project(
     def work(k: int) -> None:
         first, last = pieces[k]
         ends[k] = project(
-            geometry, prepared.ids, blocks, first, last, packed, camera.width, camera.height, antialias,
+            geometry, prepared.ids, blocks, first, last, packed, limits, camera.width, camera.height, antialias,
             table, rectangles, ids, keys, first * BLOCK,
         )  # fmt: skip
 
@@ -193,25 +259,21 @@ class _Images:
 
 
 def _composite(
-    slab: Slab,
+    step: Step,
     records: Records,
-    band: Band,
     camera: Camera,
+    quality: RenderQuality,
     images: _Images,
     states: np.ndarray,
     winners: np.ndarray,
-    opening: bool,
-    closing: bool,
     threads: int,
 ) -> None:
-    pieces = split(len(band.live), 1 if threads == 1 else threads * PIECES_PER_THREAD)
+    limits = quality.limits()
+    # Without a stop of its own the kernel is compiled without one.
+    t_stop = np.float32(quality.transmittance_stop) if quality.transmittance_stop > 0 else None
 
-    def work(k: int) -> None:
-        first, last = pieces[k]
-        shared = (
-            first, last, band.columns, band.first_row, camera.width, camera.height, slab.offsets, slab.entries,
-            records.table, records.ids, opening, closing, band.live, states, winners,
-        )  # fmt: skip
+    def work(first: int, last: int) -> None:
+        shared = (*step.arguments(first, last, camera, records), limits, states, winners, t_stop)
         if images.dominance_only:
             dominate(*shared, images.dominant, images.weight)
         else:
@@ -219,10 +281,10 @@ def _composite(
                 *shared, images.background, images.color, images.depth, images.alpha, images.dominant, images.weight
             )
 
-    run_each(work, len(pieces), threads)
+    step.paint(work, threads)
 
 
-class _Clock:
+class Clock:
     """Adds the time since the last lap to a phase; does nothing without statistics."""
 
     def __init__(self, statistics: FrameStatistics | None, threads: int) -> None:
@@ -230,6 +292,7 @@ class _Clock:
         self._statistics, self._start = statistics, self._now()
 
     def lap(self, phase: str) -> None:
+        """Add the time since the last lap to `phase`."""
         if self._statistics is not None:
             now = self._now()
             spent = self._statistics.milliseconds
@@ -237,6 +300,7 @@ class _Clock:
             self._start = now
 
     def count(self, **counts: int) -> None:
+        """Add to the counts of these names."""
         if self._statistics is not None:
             for name, number in counts.items():
                 self._statistics.counts[name] = self._statistics.counts.get(name, 0) + number

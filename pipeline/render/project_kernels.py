@@ -45,21 +45,21 @@ LOW_PASS = np.float32(0.3)
 """Variance added to both image axes, px^2: a Gaussian covers about a pixel at least."""
 SCALE = np.float32(np.sqrt(0.5 * np.log2(np.e)))
 """exp(-q/2) = 2^-(SCALE^2 q)."""
-LOG2_255 = np.float32(np.log2(255.0))
 ANTIALIAS_FLOOR = np.float32(2.5e-5)
 """Smallest ratio of determinants the antialias option reckons with, as in the reference rasteriser."""
 
 
 @kernel
 def project(
-    geometry, gaussian_ids, blocks, first, last, lens, width, height, antialias, records, rectangles, ids, keys, at
-):
+    geometry, gaussian_ids, blocks, first, last, lens, limits, width, height, antialias,
+    records, rectangles, ids, keys, at,
+):  # fmt: skip
     """Append the survivors of `blocks[first:last]` from row `at`; return the row after them.
 
     Takes geometry (P * 13,) float32 in groups of eight, gaussian_ids (P,) int32, blocks (b,) int32 of 16 groups each,
-    lens (21,) float64 (see `Lens.packed`) and the image size. Writes records (rows * 16,) float32, rectangles
-    (rows * 2,) int32, first and last tile column, then row, in 16 bits each, ids (rows,) int32 and keys (rows,) uint64,
-    depth bits over row number.
+    lens (21,) float64 (see `Lens.packed`), limits (2,) float32 (see `RenderQuality.limits`) and the image size. Writes
+    records (rows * 16,) float32, rectangles (rows * 2,) int32, first and last tile column, then row, in 16 bits each,
+    ids (rows,) int32 and keys (rows,) uint64, depth bits over row number.
     """
     r00, r01, r02 = splat(lens[0]), splat(lens[1]), splat(lens[2])
     r10, r11, r12 = splat(lens[3]), splat(lens[4]), splat(lens[5])
@@ -73,7 +73,8 @@ def project(
     y_low, y_high = splat(np.float32(lens[18])), splat(np.float32(lens[19]))
     near = splat(np.float32(lens[20]))
     zero, one, low_pass = splat(np.float32(0.0)), splat(np.float32(1.0)), splat(LOW_PASS)
-    scale, inverse_scale, log2_255 = splat(SCALE), splat(np.float32(1.0) / SCALE), splat(LOG2_255)
+    scale, inverse_scale = splat(SCALE), splat(np.float32(1.0) / SCALE)
+    log2_alpha_min, least_bound = splat(limits[0]), splat(limits[1])
     last_x, last_y = splat(np.float32(width - 1)), splat(np.float32(height - 1))
     to_first, to_last = splat(np.float32(0.5) - SLACK), splat(SLACK - np.float32(0.5))
     shift, halfword = splat(np.int32(TILE_SHIFT)), splat(np.int32(16))
@@ -82,13 +83,13 @@ def project(
         block = np.int64(blocks[number])
         for group in range(block * 16, block * 16 + 16):
             g = group * 104
-            bound = load(geometry, g + 96) + log2_255
+            bound = load(geometry, g + 96) - log2_alpha_min
             x = widen(load(geometry, g)) - center_x
             y = widen(load(geometry, g + 8)) - center_y
             z = widen(load(geometry, g + 16)) - center_z
             camera_z = fma(r20, x, fma(r21, y, r22 * z))
             depth = narrow(camera_z)
-            seen = (depth > near) & (bound >= zero)
+            seen = (depth > near) & (bound >= least_bound)
             if bits(seen) == 0:
                 continue
             over_z = splat(1.0) / camera_z
@@ -145,7 +146,7 @@ def project(
             store(lanes, MU * 8, mu)
             store(lanes, MV * 8, mu * slope)
             store(lanes, NV * 8, root * scale)
-            store(lanes, LOG2_OPACITY * 8, bound - log2_255)
+            store(lanes, LOG2_OPACITY * 8, bound + log2_alpha_min)
             store(lanes, DEPTH * 8, depth)
             store(lanes, SLOPE * 8, slope)
             store(lanes, INVERSE_MU * 8, inverse_mu)

@@ -6,6 +6,7 @@ rasterisers this follows sort by float32 depth.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,17 +14,16 @@ from jaxtyping import Float64, Int64
 
 from pipeline.geometry import Camera, quats_to_rotations
 from pipeline.render.lens import Lens
+from pipeline.render.quality import EXACT, RenderQuality
 from pipeline.render.rendering import Rendering
 from pipeline.scene.gaussians import Gaussians
 
 LOW_PASS_PX2 = 0.3
 """Variance added to both image axes: a Gaussian covers about a pixel at least."""
-# The three limits are the float32 numbers the rasterisers compare with: two capped layers leave 0.99999809e-4, which
-# stops a pixel, where 0.01 * 0.01 in float64 would not.
+# These and the limits of RenderQuality are taken as float32, as the rasterisers compare with them: two capped layers
+# leave 0.99999809e-4, which stops a pixel, where 0.01 * 0.01 in float64 would not.
 ALPHA_CAP = float(np.float32(0.99))
 """No single Gaussian is fully opaque."""
-ALPHA_MIN = float(np.float32(1.0 / 255.0))
-"""Smaller contributions are dropped."""
 T_MIN = float(np.float32(1e-4))
 """A contribution that would leave less transmittance than this is not added, and the pixel stops."""
 ANTIALIAS_FLOOR = 2.5e-5
@@ -46,12 +46,16 @@ class Projection:
     """z-depth, metres."""
 
 
-def project_float64(gaussians: Gaussians, camera: Camera, near: float, antialias: bool) -> Projection:
+def project_float64(
+    gaussians: Gaussians, camera: Camera, near: float, antialias: bool, *, min_opacity: float = 0.0
+) -> Projection:
     """Return the projected Gaussians in compositing order (paper, supplement A.1)."""
     lens = Lens.of(camera)
     local = (gaussians.means.astype(np.float64) - lens.center) @ lens.rotation.T
     depths32 = local[:, 2].astype(np.float32)
-    ids = np.flatnonzero(depths32 > np.float32(near))
+    with np.errstate(over="ignore"):
+        all_opacities = 1.0 / (1.0 + np.exp(-gaussians.opacity_logits.astype(np.float64)))
+    ids = np.flatnonzero((depths32 > np.float32(near)) & (all_opacities >= min_opacity))
     ids = ids[np.lexsort((ids, depths32[ids]))]
     x, y, z = local[ids].T
     (fx, fy), (cx, cy) = lens.focal, lens.principal
@@ -67,8 +71,7 @@ def project_float64(gaussians: Gaussians, camera: Camera, near: float, antialias
     # Squared 2 x 2 minors: xx * yy - xy^2 would cancel for needles even in float64.
     sharp = (np.cross(p, q) ** 2).sum(-1)
     det = sharp + LOW_PASS_PX2 * (xx + yy) + LOW_PASS_PX2**2
-    with np.errstate(over="ignore"):
-        opacities = 1.0 / (1.0 + np.exp(-gaussians.opacity_logits[ids].astype(np.float64)))
+    opacities = all_opacities[ids]
     if antialias:
         opacities = opacities * np.sqrt(np.maximum(ANTIALIAS_FLOOR, sharp / det))
     return Projection(
@@ -80,6 +83,29 @@ def project_float64(gaussians: Gaussians, camera: Camera, near: float, antialias
     )
 
 
+def layers(
+    projection: Projection, camera: Camera, quality: RenderQuality = EXACT
+) -> Iterator[tuple[int, Float64[np.ndarray, "H W"], Float64[np.ndarray, "H W"]]]:
+    """Yield, nearest first, each Gaussian's place in the projection, its weight T * alpha and the T it leaves."""
+    alpha_min, t_stop = float(np.float32(quality.alpha_min)), float(np.float32(quality.transmittance_stop))
+    shape = (camera.height, camera.width)
+    pixel_x, pixel_y = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
+    transmittance, stopped = np.ones(shape), np.zeros(shape, bool)
+    for k in range(len(projection.ids)):
+        dx, dy = pixel_x - projection.centers[k, 0], pixel_y - projection.centers[k, 1]
+        xx, xy, yy = projection.conics[k]
+        power = -0.5 * (xx * dx * dx + yy * dy * dy) - xy * dx * dy
+        alpha = np.minimum(ALPHA_CAP, projection.opacities[k] * np.exp(np.minimum(power, 0.0)))
+        counts = (alpha >= alpha_min) & ~stopped
+        after = transmittance * (1.0 - alpha)
+        stopped |= counts & (after < T_MIN)
+        counts &= ~stopped
+        weight = np.where(counts, transmittance * alpha, 0.0)
+        transmittance = np.where(counts, after, transmittance)
+        stopped |= transmittance < t_stop
+        yield k, weight, transmittance
+
+
 def render_float64(
     gaussians: Gaussians,
     camera: Camera,
@@ -89,30 +115,20 @@ def render_float64(
     near: float,
     sh_degree: int,
     antialias: bool,
+    quality: RenderQuality = EXACT,
 ) -> Rendering:
-    """Return the outputs of one view; arguments are as in `render`, already checked."""
-    projection = project_float64(gaussians, camera, near, antialias)
+    """Return the outputs of one view; arguments are as in `render_frame`, already checked."""
+    projection = project_float64(gaussians, camera, near, antialias, min_opacity=quality.min_opacity)
     colors = sh_colors(gaussians, Lens.of(camera).center, projection.ids, sh_degree)
     shape = (camera.height, camera.width)
-    pixel_x, pixel_y = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
-    transmittance, stopped = np.ones(shape), np.zeros(shape, bool)
-    color, depth_sum = np.zeros((*shape, 3)), np.zeros(shape)
+    transmittance, color, depth_sum = np.ones(shape), np.zeros((*shape, 3)), np.zeros(shape)
     dominant, best = np.full(shape, -1, np.int32), np.zeros(shape)
-    for k, gaussian in enumerate(projection.ids):
-        dx, dy = pixel_x - projection.centers[k, 0], pixel_y - projection.centers[k, 1]
-        xx, xy, yy = projection.conics[k]
-        power = -0.5 * (xx * dx * dx + yy * dy * dy) - xy * dx * dy
-        alpha = np.minimum(ALPHA_CAP, projection.opacities[k] * np.exp(np.minimum(power, 0.0)))
-        counts = (alpha >= ALPHA_MIN) & ~stopped
-        after = transmittance * (1.0 - alpha)
-        stopped |= counts & (after < T_MIN)
-        counts &= ~stopped
-        weight = np.where(counts, transmittance * alpha, 0.0)
+    for k, weight, after in layers(projection, camera, quality):
         color += weight[..., None] * colors[k]
         depth_sum += weight * projection.depths[k]
         wins = weight > best
-        dominant[wins], best[wins] = gaussian, weight[wins]
-        transmittance = np.where(counts, after, transmittance)
+        dominant[wins], best[wins] = projection.ids[k], weight[wins]
+        transmittance = after
     alpha = 1.0 - transmittance
     depth = np.divide(depth_sum, alpha, out=np.zeros(shape), where=alpha > 0)
     color += transmittance[..., None] * np.asarray(background, np.float64)

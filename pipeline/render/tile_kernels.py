@@ -51,9 +51,8 @@ BLOCKS = 32
 M_0, N_0 = U, V
 
 ALPHA_CAP = np.float32(0.99)
-LOG2_ALPHA_MIN = np.float32(-np.log2(255.0))
-"""Contributions under 1/255 are dropped; tested before the exponential, where float32 is finest."""
 T_MIN = np.float32(1e-4)
+"""A contribution that would leave less transmittance than this is not added, and the pixel stops."""
 AHEAD = 8
 """Entries between asking for a record and reading it."""
 
@@ -150,8 +149,11 @@ def fill_batch(records, entries, begin, end, corner_x, corner_y, live, batch, ro
 
 
 @njit(error_model="numpy")
-def alpha_of(batch, e, pixel_x, pixel_y):
-    """Return the alpha of a batch entry at eight pixels (offsets from the tile's corner); 0 where below 1/255."""
+def alpha_of(batch, e, pixel_x, pixel_y, log2_alpha_min):
+    """Return the alpha of a batch entry at eight pixels (offsets from the tile's corner); 0 where below the cut-off.
+
+    The cut-off (1/255 or more) is tested before the exponential, where float32 is finest.
+    """
     m = fma(splat_at(batch, e + MU), pixel_x, fma(splat_at(batch, e + MV), pixel_y, splat_at(batch, e + M_0)))
     n = fma(splat_at(batch, e + NV), pixel_y, splat_at(batch, e + N_0))
     x = fma(-m, m, fma(-n, n, splat_at(batch, e + LOG2_OPACITY)))
@@ -159,5 +161,5 @@ def alpha_of(batch, e, pixel_x, pixel_y):
     p = p * p
     p = p * p
     p = smaller(p * p, splat(ALPHA_CAP))
-    # Lanes under 1/255 may hold anything, infinity too, but not after this.
-    return select(x >= splat(LOG2_ALPHA_MIN), p, splat(np.float32(0.0)))
+    # Lanes under the cut-off may hold anything, infinity too, but not after this.
+    return select(x >= log2_alpha_min, p, splat(np.float32(0.0)))

@@ -12,6 +12,7 @@ from pipeline.scene.objects_file import read_objects
 from pipeline.scene.scene import Scene
 from pipeline.scene.scene_file import METRES, OBJECTS, SceneParts, find_parts
 from pipeline.scene.semantics import Semantics
+from pipeline.scene.text_embeddings import read_text_embeddings
 from schemas.errors import InputError
 from schemas.semantics_table import read_semantics
 from schemas.storage import exists, join
@@ -41,6 +42,7 @@ def load_scene(uri: str) -> Scene:
         views=views.views,
         semantics=semantics,
         up=up / np.linalg.norm(up),
+        texts=None if parts.texts is None else read_text_embeddings(parts.texts),
         warnings=(*splats.warnings, *views.warnings, *notes, *unit_notes(parts)),
     )
 

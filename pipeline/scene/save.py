@@ -9,7 +9,8 @@ from pipeline.scene.formats import save_gaussians
 from pipeline.scene.objects import SceneObject
 from pipeline.scene.objects_file import objects_json
 from pipeline.scene.scene import Scene
-from pipeline.scene.scene_file import OBJECTS, SCENE, SEMANTICS, TRANSFORMS, SceneFile
+from pipeline.scene.scene_file import OBJECTS, SCENE, SEMANTICS, TEXTS, TRANSFORMS, SceneFile
+from pipeline.scene.text_embeddings import text_embeddings_npz
 from schemas.semantics_table import SemanticsTable, write_semantics
 from schemas.storage import join, remove, write_bytes_atomic
 
@@ -33,7 +34,7 @@ def save_scene(scene: Scene, path: str, objects: Sequence[SceneObject] = ()) -> 
         RetryError: A remote store failed to answer.
     """
     path = str(path)
-    for name in (SCENE, SEMANTICS, OBJECTS):
+    for name in (SCENE, SEMANTICS, OBJECTS, TEXTS):
         remove(join(path, name))
     save_gaussians(scene.gaussians, join(path, GAUSSIANS))
     write_bytes_atomic(join(path, TRANSFORMS), transforms_json(scene.views, path))
@@ -41,6 +42,8 @@ def save_scene(scene: Scene, path: str, objects: Sequence[SceneObject] = ()) -> 
     if len(meaning):
         table = SemanticsTable(meaning.vocabulary, meaning.category, meaning.embedding, meaning.instance)
         write_semantics(table, join(path, SEMANTICS))
+    if scene.texts is not None:
+        write_bytes_atomic(join(path, TEXTS), text_embeddings_npz(scene.texts))
     if objects:
         write_bytes_atomic(join(path, OBJECTS), objects_json(objects))
     x, y, z = (float(value) for value in scene.up)

@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from pipeline.scene.gaussians import Gaussians
 from pipeline.scene.semantics import Semantics
+from pipeline.scene.text_embeddings import TextEmbeddings
 from pipeline.scene.views import View
 from schemas.errors import InputError
 
@@ -31,6 +32,8 @@ class Scene:
     """Category, embedding and instance per Gaussian."""
     up: Float[np.ndarray, "3"] = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     """Unit vector opposite to gravity, world frame."""
+    texts: TextEmbeddings | None = None
+    """Text embeddings of the features' model; None where the scene brings none."""
     warnings: tuple[str, ...] = ()
     """What loading dropped or assumed, one line each."""
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from pipeline.scene.formats.read import SUFFIXES
+from pipeline.scene.text_embeddings import FILE as TEXTS
 from schemas.errors import InputError
 from schemas.storage import exists, join, list_files, name_of, read_bytes
 
@@ -60,6 +61,8 @@ class SceneParts:
     """Folder of the photographs of a COLMAP model."""
     semantics: str | None
     """semantics.parquet."""
+    texts: str | None
+    """text_embeddings.npz."""
     objects: str | None
     """objects.json."""
     questions: str | None
@@ -80,7 +83,7 @@ def find_parts(uri: str) -> SceneParts:
     if not names and exists(uri) and name_of(uri).lower().endswith(SUFFIXES):
         raise InputError(uri, expected="a scene folder (with a splat file and cameras)", found="a file")
     file = read_scene_file(join(uri, SCENE)) if SCENE in names else SceneFile()
-    present = {name: join(uri, name) if name in names else None for name in (SEMANTICS, OBJECTS, QUESTIONS)}
+    present = {name: join(uri, name) if name in names else None for name in (SEMANTICS, TEXTS, OBJECTS, QUESTIONS)}
     cameras = join(uri, file.cameras) if file.cameras else _find_cameras(uri, names)
     return SceneParts(
         name=file.name or name_of(uri),
@@ -89,6 +92,7 @@ def find_parts(uri: str) -> SceneParts:
         cameras=cameras,
         images=_find_images(uri) if cameras is not None and not cameras.endswith(".json") else None,
         semantics=present[SEMANTICS],
+        texts=present[TEXTS],
         objects=present[OBJECTS],
         questions=present[QUESTIONS],
     )

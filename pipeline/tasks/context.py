@@ -50,12 +50,12 @@ class SceneContext:
 
     Args:
         scene: The scene.
-        encoder: Text embeddings, for scenes searched by embedding.
+        encoder: Text embeddings, for scenes searched by embedding; None takes those the scene brings.
     """
 
     def __init__(self, scene: Scene, encoder: TextEncoder | None = None) -> None:
         self.scene = scene
-        self._encoder = encoder
+        self._encoder = scene.texts if encoder is None else encoder
         self._activations: dict[tuple[str, ActivationConfig], Activation] = {}
         self._clusters: dict[tuple[str, ActivationConfig, ClusterConfig], tuple[Int32[np.ndarray, "_"], ...]] = {}
         self._found: dict[tuple[object, ...], tuple[FoundCluster, ...]] = {}

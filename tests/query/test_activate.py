@@ -95,7 +95,7 @@ class TestErrors:
             activate(Semantics(("a",), np.zeros(3, np.int32)), "a", ActivationConfig(by="cosine"), ENCODER)
 
     def test_embeddings_without_an_encoder(self) -> None:
-        with pytest.raises(InputError, match="encoder"):
+        with pytest.raises(InputError, match="text_embeddings"):
             activate(_embedded([[1, 0, 0, 0]]), "chair", ActivationConfig(by="cosine"))
 
     def test_an_encoder_of_another_feature_space(self) -> None:
