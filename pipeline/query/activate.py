@@ -80,7 +80,7 @@ def activate(
         raise InputError(
             "activation", field="by", expected=f"text_embeddings.npz in the scene for {config.by!r}", found="none"
         )
-    text = encoder.encode([category, *config.canonical])
+    text = encoder.encode([category, *(config.canonical if config.by == "relevancy" else ())])
     similarity = cosine_similarity(semantics.embedding, text)
     if config.by == "cosine":
         active = similarity[:, 0] >= config.threshold

@@ -9,7 +9,8 @@ from pipeline.scene.formats import save_gaussians
 from pipeline.scene.objects import SceneObject
 from pipeline.scene.objects_file import objects_json
 from pipeline.scene.scene import Scene
-from pipeline.scene.scene_file import OBJECTS, SCENE, SEMANTICS, TEXTS, TRANSFORMS, SceneFile
+from pipeline.scene.scene_file import OBJECTS, SCENE, SEMANTICS, TRANSFORMS, SceneFile
+from pipeline.scene.text_embeddings import FILE as TEXTS
 from pipeline.scene.text_embeddings import text_embeddings_npz
 from schemas.semantics_table import SemanticsTable, write_semantics
 from schemas.storage import join, remove, write_bytes_atomic

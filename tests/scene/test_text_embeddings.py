@@ -34,11 +34,10 @@ def test_a_saved_scene_brings_its_embeddings_and_is_searched_by_them(tmp_path: P
     assert loaded.texts is not None
     assert loaded.texts.names == TEXTS.names
     np.testing.assert_array_equal(loaded.texts.vectors, TEXTS.vectors)
-    found = SceneContext(loaded).activation("chair", ActivationConfig(by="cosine", canonical=("lamp",)))
+    config = MethodConfig(activation=ActivationConfig(by="cosine"))
+    found = SceneContext(loaded).activation("chair", config.activation)
     np.testing.assert_array_equal(found.ids, np.flatnonzero(features[:, 0]))
-    assert SceneContext(loaded).clusters(
-        "chair", MethodConfig(activation=ActivationConfig(by="cosine", canonical=("lamp",)))
-    )
+    assert SceneContext(loaded).clusters("chair", config)
 
 
 def test_saving_a_scene_without_embeddings_removes_those_of_an_earlier_one(tmp_path: Path) -> None:
