@@ -225,9 +225,15 @@ def plot(points: list[Point], path: Path, title: str) -> None:
         order = sorted(pareto_front(np.array(x), sign * np.array(y)), key=lambda k: x[k])
         axis.scatter(x, y, s=16, color="0.6")
         axis.plot([x[k] for k in order], [y[k] for k in order], "o-", color="tab:blue", markersize=5, linewidth=1)
-        for k in range(len(x)):
-            name, tone = rest[k].name, "black" if k in order else "0.5"
-            axis.annotate(name, (x[k], y[k]), fontsize=6, color=tone, xytext=(4, 3), textcoords="offset points")
+        height = np.log10(y) if sign > 0 else np.array(y)
+        spread = np.column_stack([x / np.ptp(x), height / np.ptp(height)])
+        labelled: list[int] = []
+        for k in [*order, *(k for k in range(len(x)) if k not in order)]:
+            # A label that would lie on another is left out: the table has them all.
+            if all(abs(spread[k] - spread[j])[1] > 0.035 or abs(spread[k] - spread[j])[0] > 0.25 for j in labelled):
+                labelled.append(k)
+                name, tone = rest[k].name, "black" if k in order else "0.5"
+                axis.annotate(name, (x[k], y[k]), fontsize=6, color=tone, xytext=(4, 3), textcoords="offset points")
         axis.axvline(1.0, color="0.8", linewidth=0.8, zorder=0)
         axis.set_xlabel("time as a share of the exact frame's")
         axis.margins(x=0.14, y=0.08)

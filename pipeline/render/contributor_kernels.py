@@ -2,10 +2,10 @@
 """The k heaviest Gaussians of every pixel, for a range of tiles.
 
 Same split and same alpha as `composite_kernels`. The output itself holds the lists between slabs: a pixel's k places
-are sorted by descending weight, and a heavier Gaussian is inserted from the end, behind its equals, so that ties stay
-nearest first. Eight pixels are compared with the lightest of their lists at once; only pixels that take a Gaussian
-leave vector code. A pixel is done when it has met `first` contributions, or once 0.99 T, the most anything behind can
-weigh, does not beat the lightest of its list.
+are sorted by descending weight, and a heavier Gaussian is inserted from the end of what is there, behind its equals,
+so that ties stay nearest first. Eight pixels are compared with the lightest of their lists at once; only pixels that
+take a Gaussian leave vector code, and lists move up eight places at a time. A pixel is done when it has met `first`
+contributions, or once 0.99 T, the most anything behind can weigh, does not beat the lightest of its list.
 """
 
 from __future__ import annotations
@@ -87,11 +87,10 @@ def collect(
                     stops = after < t_min
                     w = select(stops, zero, w)
                     t = select(stops, minus_magnitude(t), after)
-                    met = met + select(w > zero, one, zero)
-                    t = select(met >= most, minus_magnitude(t), t)
                     mask = bits(w > load(states, s + 16))
                     if mask != 0:
                         store(weights_of_lanes, 0, w)
+                        store(states, s + 8, met)
                         gaussian = ids[rows[entry]]
                         while mask != 0:
                             lane = lowest_bit(mask)
@@ -99,7 +98,15 @@ def collect(
                             weight = at(weights_of_lanes, lane)
                             x, y = left + (block & 3) * 4 + (lane & 3), top + (block >> 2) * 2 + (lane >> 2)
                             base = (y * width + x) * k
-                            place = base + k - 1
+                            place = base + min(np.int64(states[s + 8 + lane]), k - 1)
+                            wide = splat(weight)
+                            while place - base >= 8:
+                                lighter = load(found_weights, place - 8)
+                                if bits(lighter < wide) != 255:
+                                    break
+                                store(found_weights, place - 7, lighter)
+                                store(found_ids, place - 7, load(found_ids, place - 8))
+                                place -= 8
                             while place > base and found_weights[place - 1] < weight:
                                 found_weights[place] = found_weights[place - 1]
                                 found_ids[place] = found_ids[place - 1]
@@ -107,6 +114,8 @@ def collect(
                             found_weights[place] = weight
                             found_ids[place] = gaussian
                             states[s + 16 + lane] = found_weights[base + k - 1]
+                    met = met + select(w > zero, one, zero)
+                    t = select(met >= most, minus_magnitude(t), t)
                     if bits(t * cap > load(states, s + 16)) == 0:
                         alive &= ~(np.uint32(1) << np.uint32(block))
                         break

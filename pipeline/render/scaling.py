@@ -41,21 +41,19 @@ def enlarged(rendering: Rendering, width: int, height: int) -> Rendering:
 
 def bilinear(image: Float32[np.ndarray, "h w c"], width: int, height: int) -> Float32[np.ndarray, "H W c"]:
     """Return the image at another size; pixel centres lie at +0.5, borders are repeated."""
-    low, high, share = _neighbours(image.shape[1], width)
-    wide = image[:, low] + (image[:, high] - image[:, low]) * share[:, None]
-    low, high, share = _neighbours(image.shape[0], height)
-    upper = wide[low]
-    return upper + (wide[high] - upper) * share[:, None, None]
+    from pipeline.render.scaling_kernels import mix
+
+    result = np.empty((height, width, image.shape[2]), np.float32)
+    mix(np.ascontiguousarray(image), *_neighbours(image.shape[0], height), *_neighbours(image.shape[1], width), result)
+    return result
 
 
 def _nearest(small: int, large: int) -> Int64[np.ndarray, "n"]:
     return np.minimum(((np.arange(large) + 0.5) * small / large).astype(np.int64), small - 1)
 
 
-def _neighbours(
-    small: int, large: int
-) -> tuple[Int64[np.ndarray, "n"], Int64[np.ndarray, "n"], Float32[np.ndarray, "n"]]:
-    """Return, for each of `large` pixels, the two of `small` it lies between and the share of the second."""
+def _neighbours(small: int, large: int) -> tuple[Int64[np.ndarray, "n"], Float32[np.ndarray, "n"]]:
+    """Return, for each of `large` pixels, the first of the two of `small` it lies between and the second's share."""
     place = np.clip((np.arange(large) + 0.5) * small / large - 0.5, 0, small - 1)
-    low = np.minimum(place.astype(np.int64), max(small - 2, 0))
-    return low, np.minimum(low + 1, small - 1), (place - low).astype(np.float32)
+    low = place.astype(np.int64)
+    return low, (place - low).astype(np.float32)
