@@ -55,6 +55,7 @@ class RenderQuality(BaseModel):
 EXACT = RenderQuality()
 """The reference semantics, nothing given up."""
 FAST = RenderQuality(alpha_min=4.0 / 255.0, transmittance_stop=1e-2)
-"""Measured in benchmarks/error_vs_time.py."""
+"""44 to 46 dB against `EXACT` for 0.5 to 0.8 of a colour frame's time; the same dominant Gaussian on 99 % of the pixels
+(benchmarks/error_vs_time.py). Scale, degree and pruning stay exact: they lose more for the time they save."""
 PRESETS = {"exact": EXACT, "fast": FAST}
 """Presets by the name a configuration gives."""

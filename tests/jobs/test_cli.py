@@ -115,7 +115,7 @@ def test_status_tells_how_far_a_run_is(finished: JobConfig) -> None:
         "  answered: 3",
         "  failed: 1",
     ]
-    assert "failed with QuestionError: 1" in found.stdout
+    assert "  1 failed: QuestionError: nothing in this scene is named" in found.stdout
 
 
 def test_aggregate_prints_scores_and_writes_the_final_tables(finished: JobConfig) -> None:
