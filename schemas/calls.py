@@ -37,8 +37,12 @@ class CallRow:
     """Tokens in, as the server counts them; 0 for symbolic."""
     completion_tokens: int
     """Tokens out."""
+    wait_s: float
+    """Seconds it waited for the endpoint's limits before it was sent; 0 when cached."""
     latency_s: float
     """Seconds from sending to the reply; 0 when cached."""
+    usd: float | None
+    """Price by the endpoint's price list, US dollars; 0 when cached, null where there is no price."""
     cached: bool
     """Answered from the cache: nothing was sent."""
 
@@ -79,7 +83,7 @@ class RegionRow:
 
 CALLS = TableSpec(
     name="calls",
-    version=1,
+    version=2,
     record=CallRow,
     key=("question_id", "stage", "subject", "attempt"),
     columns={
@@ -96,7 +100,9 @@ CALLS = TableSpec(
         "reply": "string",
         "prompt_tokens": "int64",
         "completion_tokens": "int64",
+        "wait_s": "float64",
         "latency_s": "float64",
+        "usd": "float64?",
         "cached": "bool",
     },
 )

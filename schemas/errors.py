@@ -3,7 +3,8 @@
 Every error below is a SplatReasonerError:
 
 - InputError: fix the input and start again (exit code 2).
-- RetryError: the same work may succeed later (network, a killed worker); RateLimitError says when.
+- RetryError: the same work may succeed later (network, a killed worker); RateLimitError says when, LostReplyError that
+  the work may have been billed.
 - QuestionError: this question cannot be answered; record the reason and go on.
 - StopError: nothing further can succeed (bad key, budget reached, another driver): end the job.
 """
@@ -57,6 +58,10 @@ class RateLimitError(RetryError):
 
     def __str__(self) -> str:
         return str(self.args[0])
+
+
+class LostReplyError(RetryError):
+    """A request went out and no whole reply came back: it may have been answered, and billed, all the same."""
 
 
 class QuestionError(SplatReasonerError):

@@ -15,10 +15,12 @@ from typing import Any, Generic, TypeVar
 from pydantic import BaseModel, ConfigDict, Field
 
 from pipeline.models.cache import CallCache, call_key
+from pipeline.models.estimate import Price, TokenEstimate
+from pipeline.models.gate import Gate
 from pipeline.models.messages import ChatClient, ImagePart, Reply, Request, Stage
 from pipeline.models.prompts import Prompts
 from schemas.calls import CallRow
-from schemas.errors import InputError, RateLimitError, RetryError, SplatReasonerError
+from schemas.errors import InputError, LostReplyError, RateLimitError, RetryError, SplatReasonerError
 from schemas.questions import Question
 
 T = TypeVar("T")
@@ -73,6 +75,18 @@ def rows_of(error: BaseException) -> tuple[CallRow, ...]:
     return rows if isinstance(rows, tuple) else ()
 
 
+@dataclass(frozen=True, slots=True)
+class Toll:
+    """What stands between a call and its endpoint."""
+
+    gate: Gate | None
+    """Where it waits its turn; None: nowhere."""
+    estimate: TokenEstimate
+    """What it may use."""
+    price: Price | None
+    """What tokens cost; None where nobody said."""
+
+
 class _Flight:
     """A request under way: the same request asked meanwhile waits for it instead of being paid for again."""
 
@@ -91,6 +105,7 @@ class Caller:
         max_asks: Times a stage is asked before its reply counts as unreadable, at least 1.
         retry: What is done about failures that may pass.
         uncached: Stages whose replies are not worth storing, such as those of the symbolic model.
+        tolls: By endpoint, what its calls pass before they are sent.
         sleep: Waits a number of seconds.
         clock: Monotonic seconds, to measure latency.
     """
@@ -104,6 +119,7 @@ class Caller:
         max_asks: int = 2,
         retry: RetryPolicy | None = None,
         uncached: Collection[Stage] = (),
+        tolls: Mapping[str, Toll] | None = None,
         sleep: Callable[[float], Awaitable[None]] = asyncio.sleep,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
@@ -112,6 +128,7 @@ class Caller:
         self.clients, self.prompts, self.cache, self.max_asks = clients, prompts, cache, max_asks
         self.retry = retry or RetryPolicy()
         self.uncached = frozenset(uncached)
+        self.tolls = dict(tolls or {})
         self._sleep, self._clock = sleep, clock
         self._flights: dict[str, _Flight] = {}
 
@@ -157,9 +174,10 @@ class Caller:
             while True:
                 log.attempt += 1
                 log.key = call_key(client.identity(), request)
-                reply, latency_s, cached = await self._reply(client, request, log)
+                sent = await self._reply(client, request, log)
+                reply = sent.reply
                 value = parse(reply.text)
-                log.add("unparsed" if value is None else "ok", reply, latency_s, cached)
+                log.add("unparsed" if value is None else "ok", sent)
                 if value is not None or log.attempt >= self.max_asks:
                     return Asked(value, reply.text, tuple(log.rows))
                 request = self.prompts.ask_again(request, reply.text)
@@ -167,46 +185,102 @@ class Caller:
             error.call_rows = tuple(log.rows)  # type: ignore[attr-defined]
             raise
 
-    async def _reply(self, client: ChatClient, request: Request, log: _Log) -> tuple[Reply, float, bool]:
-        """Return a reply, the seconds it took, and whether it cost nothing: stored, or under way for someone else."""
+    async def _reply(self, client: ChatClient, request: Request, log: _Log) -> _Sent:
+        """Return a reply that was paid for now, or that cost nothing: stored, or under way for someone else."""
         cache = None if request.stage in self.uncached else self.cache
         while (flight := self._flights.get(log.key)) is not None:
             await flight.landed.wait()
             if flight.reply is not None:
-                return flight.reply, 0.0, True
+                return _Sent(flight.reply, cached=True)
         flight = self._flights[log.key] = _Flight()
         try:
             stored = cache.get(log.key) if cache is not None else None
             if stored is not None:
                 flight.reply = stored
-                return stored, 0.0, True
-            reply, latency_s = await self._send(client, request, log)
+                return _Sent(stored, cached=True)
+            sent = await self._send(client, request, log)
             # A blank reply is mostly a server's hiccup: it counts as unreadable now, and is not held for ever.
-            if cache is not None and reply.text.strip():
-                await asyncio.to_thread(cache.put, log.key, reply, stage=request.stage, client=client.name)
-            flight.reply = reply
-            return reply, latency_s, False
+            if cache is not None and sent.reply.text.strip():
+                await asyncio.to_thread(cache.put, log.key, sent.reply, stage=request.stage, client=client.name)
+            flight.reply = sent.reply
+            return sent
         finally:
             del self._flights[log.key]
             flight.landed.set()
 
-    async def _send(self, client: ChatClient, request: Request, log: _Log) -> tuple[Reply, float]:
+    async def _send(self, client: ChatClient, request: Request, log: _Log) -> _Sent:
         tries = 0
         while True:
             tries += 1
-            start = self._clock()
             try:
-                reply = await client.complete(request)
-            except SplatReasonerError as error:
-                log.add(type(error).__name__, Reply(str(error)), self._clock() - start, False)
+                return await self._try(client, request)
+            except _FailedTry as failed:
+                error = failed.error
+                log.add(type(error).__name__, failed.sent)
                 if not isinstance(error, RetryError):
-                    raise
+                    raise error from None
                 wait_s = self.retry.wait_s(tries, error, spread=_spread(log.key, tries))
                 if wait_s is None:
-                    raise
+                    raise error from None
                 await self._sleep(wait_s)
-            else:
-                return reply, self._clock() - start
+
+    async def _try(self, client: ChatClient, request: Request) -> _Sent:
+        """Send a request once, when its endpoint's gate lets it."""
+        toll = self.tolls.get(client.name.partition(":")[0])
+        if toll is None:
+            return await self._timed(client, request, 0.0, None)
+        start = self._clock()
+        if toll.gate is None:
+            return await self._timed(client, request, 0.0, toll)
+        ticket = await toll.gate.enter(*toll.estimate.most(request))
+        wait_s = self._clock() - start
+        try:
+            sent = await self._timed(client, request, wait_s, toll)
+        except _FailedTry as failed:
+            limit = isinstance(failed.error, RateLimitError)
+            pause_s = failed.error.retry_after_s if isinstance(failed.error, RateLimitError) else None
+            tokens = None if isinstance(failed.error, LostReplyError) else 0
+            toll.gate.leave(ticket, tokens, overloaded=limit, pause_s=pause_s)
+            raise
+        except BaseException:
+            toll.gate.leave(ticket, None)
+            raise
+        used = sent.reply.prompt_tokens + sent.reply.completion_tokens
+        toll.gate.leave(ticket, used or None, sent.usd or 0.0)
+        return sent
+
+    async def _timed(self, client: ChatClient, request: Request, wait_s: float, toll: Toll | None) -> _Sent:
+        start = self._clock()
+        try:
+            reply = await client.complete(request)
+        except SplatReasonerError as error:
+            failure = _Sent(Reply(str(error)), self._clock() - start, wait_s)
+            raise _FailedTry(error, failure) from None
+        usd = None
+        if toll is not None:
+            toll.estimate.learn(request, reply)
+            if toll.price is not None:
+                usd = toll.price.of(reply.prompt_tokens, reply.completion_tokens)
+        return _Sent(reply, self._clock() - start, wait_s, usd)
+
+
+@dataclass(frozen=True, slots=True)
+class _Sent:
+    """A reply and what it took."""
+
+    reply: Reply
+    latency_s: float = 0.0
+    wait_s: float = 0.0
+    usd: float | None = 0.0
+    cached: bool = False
+
+
+class _FailedTry(Exception):
+    """One send that failed."""
+
+    def __init__(self, error: SplatReasonerError, sent: _Sent) -> None:
+        super().__init__(str(error))
+        self.error, self.sent = error, sent
 
 
 class _Log:
@@ -219,7 +293,8 @@ class _Log:
         self.attempt, self.key = 0, ""
         self.rows: list[CallRow] = []
 
-    def add(self, outcome: str, reply: Reply, latency_s: float, cached: bool) -> None:
+    def add(self, outcome: str, sent: _Sent) -> None:
+        reply = sent.reply
         self.rows.append(
             CallRow(
                 question_id=self.question.question_id,
@@ -235,8 +310,10 @@ class _Log:
                 reply=reply.text,
                 prompt_tokens=reply.prompt_tokens,
                 completion_tokens=reply.completion_tokens,
-                latency_s=latency_s,
-                cached=cached,
+                wait_s=sent.wait_s,
+                latency_s=sent.latency_s,
+                usd=sent.usd,
+                cached=sent.cached,
             )
         )
 

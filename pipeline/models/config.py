@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from pipeline.models.cache import CallCache
-from pipeline.models.caller import Caller, RetryPolicy
+from pipeline.models.caller import Caller, RetryPolicy, Toll
+from pipeline.models.estimate import Price, TokenEstimate
+from pipeline.models.gate import Gate
 from pipeline.models.messages import ChatClient, Stage
 from pipeline.models.prompts import REQUIRED, Prompts
 
@@ -60,7 +63,28 @@ class EndpointConfig(BaseModel):
     connect_timeout_s: float = Field(10.0, gt=0, description="seconds to reach the server")
     read_timeout_s: float = Field(120.0, gt=0, description="longest silence of the server, seconds")
     deadline_s: float = Field(180.0, gt=0, description="longest time one request may take in all, seconds")
-    concurrency: int = Field(8, ge=1, le=1024, description="requests under way at once, in each process")
+    concurrency: int = Field(
+        8,
+        ge=1,
+        le=4096,
+        description="most requests under way at once, over all processes of a run; halved while the server is "
+        "overloaded",
+    )
+    requests_per_min: int | None = Field(
+        None, ge=1, description="most requests in any 60 seconds, over all processes; null for no limit"
+    )
+    tokens_per_min: int | None = Field(
+        None, ge=1, description="most tokens in any 60 seconds, prompts and replies; null for no limit"
+    )
+    image_tokens: int = Field(
+        800, ge=0, description="tokens a picture takes, reckoned with until the server has counted some"
+    )
+    usd_per_million_prompt: float | None = Field(
+        None, ge=0, description="price of a million prompt tokens, US dollars; null when nobody is to reckon with money"
+    )
+    usd_per_million_completion: float | None = Field(
+        None, ge=0, description="price of a million reply tokens, US dollars"
+    )
 
     @field_validator("base_url")
     @classmethod
@@ -75,7 +99,16 @@ class EndpointConfig(BaseModel):
     def _address_and_model(self) -> EndpointConfig:
         if self.kind == "openai" and not (self.base_url and self.model):
             raise ValueError("kind openai needs base_url and model")
+        if (self.usd_per_million_prompt is None) != (self.usd_per_million_completion is None):
+            raise ValueError("give both prices, of prompts and of replies, or none")
         return self
+
+    @property
+    def price(self) -> Price | None:
+        """What tokens cost; None where the endpoint gives no price."""
+        if self.usd_per_million_prompt is None or self.usd_per_million_completion is None:
+            return None
+        return Price(self.usd_per_million_prompt, self.usd_per_million_completion)
 
 
 class ModelConfig(BaseModel):
@@ -118,6 +151,11 @@ class ModelConfig(BaseModel):
         """Return the name of the endpoint that answers a stage."""
         return self.stages.get(stage, self.default)
 
+    def remote_endpoints(self) -> tuple[str, ...]:
+        """Return the names of the endpoints in use that are asked over a network, sorted."""
+        used = {self.endpoint_of(stage) for stage in STAGES}
+        return tuple(name for name in sorted(used) if self.endpoints[name].kind != "symbolic")
+
     def symbolic_stages(self) -> frozenset[Stage]:
         """Return the stages answered offline, whose replies cost nothing and are not stored."""
         return frozenset(stage for stage in STAGES if self.endpoints[self.endpoint_of(stage)].kind == "symbolic")
@@ -143,16 +181,22 @@ def make_clients(config: ModelConfig) -> dict[Stage, ChatClient]:
     return {stage: clients[config.endpoint_of(stage)] for stage in STAGES}
 
 
-def make_caller(config: ModelConfig, cache: Path | None) -> Caller:
+def make_caller(config: ModelConfig, cache: Path | None, gates: Mapping[str, Gate] | None = None) -> Caller:
     """Return the caller of a run.
 
     Args:
         config: Models, prompts and retries.
         cache: Folder of stored replies, such as a run's `calls`; None to store none.
+        gates: By endpoint, where its calls wait their turn; those of endpoints without a gate never wait.
 
     Raises:
         InputError: A key is not set or a prompt is wrong.
     """
+    tolls = {}
+    for name in config.remote_endpoints():
+        endpoint = config.endpoints[name]
+        estimate = TokenEstimate(endpoint.image_tokens, endpoint.max_tokens, endpoint.price or Price())
+        tolls[name] = Toll((gates or {}).get(name), estimate, endpoint.price)
     return Caller(
         make_clients(config),
         Prompts.load(config.prompts),
@@ -160,4 +204,5 @@ def make_caller(config: ModelConfig, cache: Path | None) -> Caller:
         max_asks=config.max_asks,
         retry=config.retry,
         uncached=config.symbolic_stages(),
+        tolls=tolls,
     )

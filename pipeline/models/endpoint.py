@@ -26,7 +26,15 @@ from PIL import Image
 
 from pipeline.models.config import EndpointConfig, ImageConfig
 from pipeline.models.messages import ImagePart, Reply, Request
-from schemas.errors import InputError, QuestionError, RateLimitError, RetryError, SplatReasonerError, StopError
+from schemas.errors import (
+    InputError,
+    LostReplyError,
+    QuestionError,
+    RateLimitError,
+    RetryError,
+    SplatReasonerError,
+    StopError,
+)
 
 TEXT_LIMIT = 300
 """Characters of a server's message kept in an error."""
@@ -79,7 +87,8 @@ class EndpointClient:
 
         Raises:
             RateLimitError: Status 429, or 503 with a Retry-After.
-            RetryError: Timeout, deadline, connection lost, 5xx, a body that is no chat reply.
+            LostReplyError: Timeout, deadline, connection lost, a body that is no chat reply.
+            RetryError: 5xx and the client errors that pass.
             QuestionError: The request is too long, malformed or refused.
             StopError: Bad key, no quota, unknown model or address.
         """
@@ -91,13 +100,13 @@ class EndpointClient:
         except openai.APIStatusError as error:
             raise self._status_error(error) from None
         except openai.APITimeoutError:
-            raise RetryError(f"{self.name}: timed out (read timeout {self._config.read_timeout_s:g} s)") from None
+            raise LostReplyError(f"{self.name}: timed out (read timeout {self._config.read_timeout_s:g} s)") from None
         except TimeoutError:
-            raise RetryError(f"{self.name}: no reply within {self._config.deadline_s:g} s") from None
+            raise LostReplyError(f"{self.name}: no reply within {self._config.deadline_s:g} s") from None
         except openai.APIConnectionError as error:
-            raise RetryError(self._clean(f"connection failed: {error.__cause__ or error}")) from None
+            raise LostReplyError(self._clean(f"connection failed: {error.__cause__ or error}")) from None
         except openai.OpenAIError as error:
-            raise RetryError(self._clean(f"unusable reply: {error}")) from None
+            raise LostReplyError(self._clean(f"unusable reply: {error}")) from None
         return self._read(response.http_response.content)
 
     async def aclose(self) -> None:
@@ -156,7 +165,7 @@ class EndpointClient:
         try:
             data = json.loads(content)
         except (ValueError, RecursionError):
-            raise RetryError(self._clean(f"the reply is no JSON: {content[:80]!r}")) from None
+            raise LostReplyError(self._clean(f"the reply is no JSON: {content[:80]!r}")) from None
         error = data.get("error") if isinstance(data, dict) else None
         if error:
             code = error.get("code") if isinstance(error, dict) else None
@@ -170,7 +179,7 @@ class EndpointClient:
             tokens = [int(usage.get(field) or 0) for field in ("prompt_tokens", "completion_tokens")]
             model = _text(data.get("model") or self._config.model)
         except (KeyError, IndexError, TypeError, AttributeError, ValueError):
-            raise RetryError(self._clean(f"the reply is no chat completion: {content[:80]!r}")) from None
+            raise LostReplyError(self._clean(f"the reply is no chat completion: {content[:80]!r}")) from None
         if message.get("refusal"):
             raise QuestionError(self._clean(f"refused: {message['refusal']}"))
         if finish == "content_filter":

@@ -197,7 +197,9 @@ def _add_calls(found: dict[str, list[Any]], name: str, scene: str, rng: np.rando
                 reply="A sofa. " * (200 if place == 3 else 1),
                 prompt_tokens=600,
                 completion_tokens=20,
+                wait_s=0.0,
                 latency_s=float(rng.random()) / 10,
+                usd=None,
                 cached=bool(rng.random() < 0.3),
             )
         )

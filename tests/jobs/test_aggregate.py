@@ -17,7 +17,7 @@ from schemas.run_folder import read_table
 from tests.jobs.synthetic_run import synthetic_rows, write_run
 
 QUICK = Options(resamples=100)
-CALL = CallRow("q0", "s", "answer", "", "k", "gpt", "m", "p", 1, "ok", "r", 100, 10, 2.0, False)
+CALL = CallRow("q0", "s", "answer", "", "k", "gpt", "m", "p", 1, "ok", "r", 100, 10, 0.0, 2.0, None, False)
 
 
 @pytest.fixture(scope="module")

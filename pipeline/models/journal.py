@@ -1,0 +1,102 @@
+"""The journal of an endpoint's calls: what an admission that is made anew must know to hold the same limits.
+
+One line when a call is let through and one when its cost is known, written before anyone acts on it. A killed process
+loses none of them; a machine that goes down may lose the last seconds, after which the minute is over anyway.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pipeline.models.admission import Done, Wish
+from pipeline.models.budget import Spend
+from pipeline.models.rate import MINUTE_S
+
+REMEMBERED_S = 2 * MINUTE_S
+"""Age up to which calls are told apart: more than any window of a rate."""
+
+
+@dataclass(frozen=True, slots=True)
+class PastCall:
+    """A call that an earlier admission let through."""
+
+    wish: Wish
+    """The call."""
+    age_s: float
+    """Seconds since it was let through."""
+    tokens: int | None
+    """What it used; None where no end is written."""
+    same_session: bool
+    """Whether it was let through in this session: without an end it may still be under way."""
+
+
+@dataclass(frozen=True, slots=True)
+class Remembered:
+    """What a journal says."""
+
+    spent: Spend
+    """What ended calls used, and what calls of earlier sessions without an end may have used."""
+    calls: tuple[PastCall, ...]
+    """Calls that still matter, oldest first: the recent ones, and those of this session without an end."""
+
+
+class Journal:
+    """A file of lines that only grows. One writer at a time; the run's lock sees to that.
+
+    Args:
+        path: The file; made on first use.
+        session: Name of this session of the run.
+        wall_clock: Seconds since 1970, to tell how old a line is; where that clock was put back, a line counts as new.
+    """
+
+    def __init__(self, path: Path, session: str, wall_clock: Callable[[], float] = time.time) -> None:
+        self._path, self._session, self._wall_clock = path, session, wall_clock
+
+    def record(self, entry: Wish | Done) -> None:
+        """Add a line."""
+        line: dict[str, Any] = {"tokens": entry.tokens, "usd": entry.usd}
+        if isinstance(entry, Wish):
+            line = {"sent": entry.id, "session": self._session, "at": self._wall_clock(), **line}
+        else:
+            line = {"done": entry.id, **line}
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        with self._path.open("ab", buffering=0) as file:
+            # The line break comes first: a line cut short by a crash does not swallow the next one.
+            file.write(b"\n" + json.dumps(line).encode())
+
+    def read(self) -> Remembered:
+        """Return what was written so far; a line that was cut short is passed over."""
+        sent: dict[str, dict[str, Any]] = {}
+        ended: dict[str, dict[str, Any]] = {}
+        if self._path.exists():
+            with self._path.open("rb") as lines:
+                for entry in map(_decoded, lines):
+                    if "sent" in entry:
+                        sent.setdefault(entry["sent"], entry)
+                    elif "done" in entry:
+                        ended[entry["done"]] = entry
+        spent, calls, now = Spend(), list[PastCall](), self._wall_clock()
+        for wish_id, start in sent.items():
+            wish = Wish(wish_id, start["tokens"], start["usd"])
+            end, same = ended.get(wish_id), start["session"] == self._session
+            if end is not None or not same:
+                counted = start if end is None or end["tokens"] is None else end
+                spent.add(1, counted["tokens"], counted["usd"])
+            age_s = max(0.0, now - start["at"])
+            if age_s < REMEMBERED_S or (same and end is None):
+                tokens = None if end is None else (wish.tokens if end["tokens"] is None else end["tokens"])
+                calls.append(PastCall(wish, age_s, tokens, same))
+        return Remembered(spent, tuple(calls))
+
+
+def _decoded(line: bytes) -> dict[str, Any]:
+    try:
+        found = json.loads(line)
+    except ValueError:
+        return {}
+    return found if isinstance(found, dict) else {}
