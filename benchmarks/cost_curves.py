@@ -5,7 +5,7 @@
     python -m benchmarks.cost_curves --memory 5_000_000                   # peak memory only
 
 Each curve changes one thing of the synthetic room of `benchmarks/render.py`: 100,000 Gaussians, degree 3, 640 x 480.
-Times are the least over the repeats: CPU milliseconds on one thread, wall milliseconds for threads and views.
+Times are the least over the repeats: CPU milliseconds of one thread, but wall milliseconds for the curve of threads.
 Memory is the peak of a process that holds the Gaussians, prepares them and renders colour, depth, alpha and dominance.
 """
 
@@ -130,9 +130,7 @@ def by_views(repeats: int) -> list[Row]:
     rows = []
     for views in (1, 4, 16, 64):
         few = max(1, repeats // 2)
-        modes = [
-            milliseconds(lambda o=o, n=views: draw(n, o), few, time.perf_counter) / views for o in (COLOR, DOMINANCE)
-        ]
+        modes = [milliseconds(lambda o=o, n=views: draw(n, o), few) / views for o in (COLOR, DOMINANCE)]
         rows.append((f"{views}", views, *modes))
     return rows
 

@@ -1,14 +1,14 @@
 """Milliseconds per frame by phase, beside a hand-written AVX2 renderer of the same scenes in the same run.
 
-    python benchmarks/render.py --yardstick ../shared/floor
-    python benchmarks/render.py --scenes showroom --poses 300 --repeats 1      # medians and p95 over all poses
-    python benchmarks/render.py --compile                                      # first-use compile time, empty cache
+    python -m benchmarks.render --yardstick FOLDER
+    python -m benchmarks.render --scenes showroom --poses 300 --repeats 1 --threads 1   # median and p95 over all poses
+    python -m benchmarks.render --compile                                               # what the first frame costs
 
 The yardstick folder holds `floor.py` with `render_floor` and `ns_per_vector`; without it the ratio columns are empty.
-The showroom is read from $SPLATREASONER_DATA (or ../shared/data) and left out where absent. Every figure is the median
-over the repeats; ours and the yardstick take turns, so that a busy machine slows both. One-thread figures are CPU time,
-figures of more threads wall time. The time of compositing is also given per contributing vector (one Gaussian in a
-block of 4 x 2 pixels, one of which at least takes it) beside the yardstick's blend from registers, which reads nothing.
+The showroom is read from $SPLATREASONER_DATA (or ../shared/data). Every figure is the median over views and repeats;
+ours and the yardstick take turns, so that a busy machine slows both. One-thread figures are CPU time, figures of more
+threads wall time. The time of compositing is also given per contributing vector (one Gaussian in a block of 4 x 2
+pixels, one of which at least takes it) beside the yardstick's blend from registers, which reads nothing.
 """
 
 from __future__ import annotations
@@ -28,11 +28,13 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.geometry import Camera, invert_rigid, look_at, normalise_quats, opengl_to_opencv
-from pipeline.render import Rendering, count_blends, prepare, render_reference
+from pipeline.render import Rendering, count_blends, prepare, render_many, render_reference
 from pipeline.scene.gaussians import Gaussians
 
 ROOT = Path(__file__).resolve().parents[1]
 MODES = {"colour": ("color", "depth", "alpha"), "dominance": ("dominant",)}
+COUNTED_VIEWS = 12
+"""Vectors are counted in this many views or a few more: counting takes longer than drawing."""
 PHASES = ("cull", "project", "sort", "bin", "shade", "composite")
 
 
@@ -64,9 +66,13 @@ def synthetic_room(count: int, seed: int = 0) -> tuple[Gaussians, list[Camera]]:
     return scene, [Camera(K, look_at(eye, target, np.array([0.0, 0, 1])), 640, 480)]
 
 
+def showroom_folder() -> Path:
+    return Path(os.environ.get("SPLATREASONER_DATA", ROOT.parent / "shared" / "data")) / "showroom"
+
+
 def showroom(poses: int) -> tuple[Gaussians, list[Camera]]:
     """The real apartment and `poses` of its recorded views, evenly spaced."""
-    folder = Path(os.environ.get("SPLATREASONER_DATA", ROOT.parent / "shared" / "data")) / "showroom"
+    folder = showroom_folder()
     if not folder.is_dir():
         sys.exit(f"no showroom at {folder}: set SPLATREASONER_DATA or choose other --scenes")
     raw = (folder / "showroom_lod3.ply").read_bytes()
@@ -161,12 +167,16 @@ def measure(name: str, scene: Gaussians, cameras: list[Camera], repeats: int, th
             print(line, flush=True)
             if number == 1:
                 print(vector_line(mode, prepared, cameras, rows, repeats, module), flush=True)
+    if len(cameras) > 1:
+        many_views(prepared, cameras, 2)
 
 
 def vector_line(mode: str, prepared, cameras: list[Camera], rows: list[dict], repeats: int, module) -> str:
-    """Nanoseconds of compositing per contributing vector: the median over views, each by its least repeat."""
+    """Nanoseconds of compositing per contributing vector: the median over some views, each by its least repeat."""
+    some = slice(None, None, max(1, len(cameras) // COUNTED_VIEWS))
+    composite = np.array([row["composite"] for row in rows]).reshape(len(cameras), repeats).min(axis=1)[some]
+    cameras = cameras[some]
     counts = [count_blends(prepared, camera, dominance=mode == "dominance") for camera in cameras]
-    composite = np.array([row["composite"] for row in rows]).reshape(len(cameras), repeats).min(axis=1)
     each = composite * 1e6 / np.maximum([count.contributing for count in counts], 1)
     contributing, evaluated = (sum(getattr(c, name) for c in counts) for name in ("contributing", "vectors"))
     line = f"{'':10} composite: {np.median(each):.2f} ns per contributing vector "
@@ -200,18 +210,40 @@ def error_against_reference(module) -> None:
 
 
 def compile_time() -> None:
-    """Seconds of CPU that the first frames need with an empty cache, and with a filled one, each in a new process."""
+    """CPU seconds from the start of a process to its first frame: with an empty cache, then with the one it left."""
     code = (
         "import time; from benchmarks.render import *; s, (c,) = synthetic_room(1000); p = prepare(s)\n"
-        "for outputs in [('color', 'depth', 'alpha', 'dominant'), ('color', 'depth', 'alpha'), ('dominant',)]:\n"
-        "    t = time.process_time(); our_frame(p, c, outputs, 1)\n"
-        "    print('  ', *outputs, round(time.process_time() - t, 2))"
+        "before = time.process_time(); our_frame(p, c, MODES[sys.argv[1]], 1); now = time.process_time()\n"
+        "print(f'{now:9.2f} {now - before:20.2f}')"
     )
-    with tempfile.TemporaryDirectory() as cache:
-        for label in ("compiling", "from the cache"):
-            print(f"first frame, {label}, CPU seconds:", flush=True)
-            environment = {**os.environ, "NUMBA_CACHE_DIR": cache, "PYTHONPATH": str(ROOT)}
-            subprocess.run([sys.executable, "-c", code], env=environment, cwd=ROOT, check=True)
+    print(f"\nCPU seconds {'':18} to the first frame  the frame alone")
+    for mode in MODES:
+        with tempfile.TemporaryDirectory() as cache:
+            for label in ("empty cache", "cached"):
+                environment = {**os.environ, "NUMBA_CACHE_DIR": cache, "PYTHONPATH": str(ROOT)}
+                command = [sys.executable, "-c", code, mode]
+                found = subprocess.run(command, env=environment, cwd=ROOT, check=True, capture_output=True, text=True)
+                print(f"{mode:10} {label:18} {found.stdout.rstrip()}", flush=True)
+
+
+def many_views(prepared, cameras: list[Camera], threads: int) -> None:
+    """Wall seconds of all dominance maps, one core per view."""
+    start = time.perf_counter()
+    for _ in render_many(prepared, cameras, MODES["dominance"], threads=threads):
+        pass
+    spent = time.perf_counter() - start
+    print(f"{'':10} render_many on {threads} threads: {len(cameras)} dominance maps in {spent:.2f} s of wall time")
+
+
+def print_machine() -> None:
+    """One line: processor and versions."""
+    import llvmlite
+    import numba
+
+    print(
+        f"{processor()}, {os.cpu_count()} cores, {platform.system()}, Python {platform.python_version()}, "
+        f"numpy {np.__version__}, numba {numba.__version__}, llvmlite {llvmlite.__version__}"
+    )
 
 
 def main() -> None:
@@ -223,6 +255,7 @@ def main() -> None:
     parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
     parser.add_argument("--compile", action="store_true", help="only measure compile time")
     options = parser.parse_args()
+    print_machine()
     if options.compile:
         compile_time()
         return
@@ -231,13 +264,6 @@ def main() -> None:
         sys.dont_write_bytecode = True
         sys.path.insert(0, str(options.yardstick.resolve()))
         module = importlib.import_module("floor")
-    import llvmlite
-    import numba
-
-    print(
-        f"{processor()}, {os.cpu_count()} cores, {platform.system()}, Python {platform.python_version()}, "
-        f"numpy {np.__version__}, numba {numba.__version__}, llvmlite {llvmlite.__version__}"
-    )
     for name in options.scenes:
         count = {"100k": 100_000, "500k": 500_000}.get(name)
         scene, cameras = showroom(options.poses) if count is None else synthetic_room(count)

@@ -16,6 +16,7 @@ from pipeline.render.quality import EXACT, RenderQuality
 from pipeline.render.reference import render_float64
 from pipeline.render.rendering import Rendering
 from pipeline.render.scaling import enlarged
+from pipeline.render.window import Tiles
 from pipeline.scene.gaussians import Gaussians
 from schemas.errors import InputError
 
@@ -36,6 +37,7 @@ def render(
     antialias: bool = False,
     threads: int = 1,
     quality: RenderQuality = EXACT,
+    window: Tiles | None = None,
 ) -> Rendering:
     """Return images of the Gaussians as the camera sees them; the same bits at any thread count.
 
@@ -51,6 +53,9 @@ def render(
         antialias: Dim Gaussians by what the low-pass widened them.
         threads: Threads inside this frame. One core per view (`render_many`) beats several in one view.
         quality: What may be given up for speed; nothing by default.
+        window: The part of the image that is rendered: first column, first row, last column and last row of 16 x 16
+            tiles, the last ones not included. The images hold its pixels only, with the bits they have in the whole
+            image, and the cost falls with its size. None for the whole image; needs scale 1.
 
     Raises:
         InputError: An argument is not as described.
@@ -62,6 +67,7 @@ def render(
     degree = checked_degree(sh_degree, prepared.sh_degree)
     check_near(near)
     check_threads(threads)
+    check_window(window, quality)
     frame = render_frame(
         prepared,
         quality.camera(camera),
@@ -72,8 +78,9 @@ def render(
         antialias=antialias,
         threads=threads,
         quality=quality,
+        window=window,
     )
-    return enlarged(frame, camera.width, camera.height)
+    return frame if window is not None else enlarged(frame, camera.width, camera.height)
 
 
 def render_reference(
@@ -118,9 +125,15 @@ def visible_ids(
     near: float = DEFAULT_NEAR_M,
     threads: int = 1,
     quality: RenderQuality = EXACT,
+    window: Tiles | None = None,
 ) -> Int32[np.ndarray, "n"]:
-    """Return the Gaussians that dominate at least one pixel: sorted, unique indices (paper, G_vis of one view)."""
-    dominant = render(gaussians, camera, ("dominant",), near=near, threads=threads, quality=quality).dominant
+    """Return the Gaussians that dominate at least one pixel: sorted, unique indices (paper, G_vis of one view).
+
+    Arguments are those of `render`; with a `window`, only its pixels are looked at.
+    """
+    dominant = render(
+        gaussians, camera, ("dominant",), near=near, threads=threads, quality=quality, window=window
+    ).dominant
     assert dominant is not None
     seen = np.zeros(len(gaussians) + 1, bool)  # marking is several times faster than sorting the pixels
     seen[dominant] = True  # -1 marks the last place, which is cut off
@@ -154,3 +167,9 @@ def check_threads(threads: int) -> None:
     """Raise InputError unless there is at least one thread."""
     if threads < 1:
         raise InputError("render", field="threads", expected="1 or more", found=threads)
+
+
+def check_window(window: Tiles | None, quality: RenderQuality) -> None:
+    """Raise InputError where a part of the image is asked for at another scale than 1; tiles are checked later."""
+    if window is not None and quality.scale != 1.0:
+        raise InputError("render", field="window", expected="a quality of scale 1", found=quality.scale)

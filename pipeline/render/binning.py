@@ -9,6 +9,7 @@ from jaxtyping import Float32, Int32, Int64, UInt32, UInt64
 
 from pipeline.render.bin_kernels import list_tiles, scatter
 from pipeline.render.threads import run_each, split
+from pipeline.render.window import TILE, Window
 from pipeline.render.workspace import WORKSPACE
 
 
@@ -28,27 +29,22 @@ class Records:
 
 @dataclass(frozen=True, slots=True)
 class Band:
-    """Tile rows first_row to last_row of the image, and what they still want."""
+    """Rows of tiles that are composited together, and what they still want."""
 
-    first_row: int
-    """First tile row."""
-    last_row: int
-    """The tile row after the last."""
-    columns: int
-    """Tiles in a row."""
+    window: Window
+    """Where they lie in the image."""
     live: UInt32[np.ndarray, "tiles"]
     """Blocks of each tile that still take records; kernels clear it as pixels stop."""
 
     @staticmethod
-    def of(width: int, height: int, first_row: int, last_row: int) -> Band:
+    def of(window: Window) -> Band:
         """Return a fresh band; blocks beyond the image's edge want nothing."""
-        columns = -(-width // 16)
-        live = np.full((last_row - first_row, columns), 0xFFFFFFFF, np.uint32)
-        live[:, -1] &= np.uint32(sum(0x11111111 << k for k in range(-(-(width - 16 * (columns - 1)) // 4))))
-        rows_left = height - 16 * (last_row - 1)
-        if rows_left < 16:
+        live = np.full((window.rows, window.columns), 0xFFFFFFFF, np.uint32)
+        columns_left, rows_left = window.width - TILE * (window.columns - 1), window.height - TILE * (window.rows - 1)
+        live[:, -1] &= np.uint32(sum(0x11111111 << k for k in range(-(-columns_left // 4))))
+        if rows_left < TILE:
             live[-1] &= np.uint32((1 << (4 * -(-rows_left // 2))) - 1)
-        return Band(first_row, last_row, columns, live.reshape(-1))
+        return Band(window, live.reshape(-1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +75,7 @@ def bin_slab(records: Records, band: Band, first: int, size: int, threads: int) 
     counts = np.zeros((len(pieces), tiles), np.int64)
     ends = np.zeros((len(pieces), 3), np.int64)
 
-    live = band.live.reshape(-1, band.columns) != 0
+    live = band.live.reshape(-1, band.window.columns) != 0
     live_sums = np.zeros((live.shape[0] + 1, live.shape[1] + 1), np.int32)
     live.cumsum(axis=0, dtype=np.int32).cumsum(axis=1, dtype=np.int32, out=live_sums[1:, 1:])
     live_sums = live_sums.reshape(-1)
@@ -87,8 +83,8 @@ def bin_slab(records: Records, band: Band, first: int, size: int, threads: int) 
     def list_piece(k: int) -> None:
         a, b = pieces[k]
         list_tiles(
-            records.keys, a, b, records.table, records.rectangles, band.first_row, band.last_row, band.columns,
-            band.live, live_sums, pairs[k], counts[k], touched[k], ends[k],
+            records.keys, a, b, records.table, records.rectangles, band.window.edges, band.live, live_sums,
+            pairs[k], counts[k], touched[k], ends[k],
         )  # fmt: skip
 
     run_each(list_piece, len(pieces), threads)

@@ -15,17 +15,27 @@ from pipeline.render.project_kernels import BLUE, DEPTH, GREEN, RECORD, RED
 from pipeline.render.simd_kernels import (
     at,
     bits,
-    block_columns,
-    block_rows,
     fma,
     load,
+    lowest_bit,
     minus_magnitude,
     select,
     splat,
     splat_at,
     store,
 )
-from pipeline.render.tile_kernels import BATCH, BLOCKS, T_MIN, alpha_of, copy_vectors, fill_batch
+from pipeline.render.tile_kernels import (
+    BATCH,
+    BLOCKS,
+    alpha_of,
+    blended,
+    copy_vectors,
+    fill_batch,
+    lane_at,
+    new_batch,
+    pixels_of,
+    tile_corner,
+)
 
 # Floats per block in the state buffer: T, red, green, blue, depth, weight.
 STATE = 48
@@ -33,7 +43,7 @@ STATE = 48
 
 @kernel
 def composite(
-    first_tile, last_tile, columns, first_row, width, height, offsets, entries, records, ids, opening, closing,
+    first_tile, last_tile, edges, offsets, entries, records, ids, opening, closing,
     live, limits, states, winner_states, t_stop, background, color, depth, alpha, dominant, weight,
 ):  # fmt: skip
     """Composite one slab of the depth order into tiles first_tile to last_tile of a band, and write finished ones.
@@ -49,17 +59,14 @@ def composite(
     """
     state = np.empty(BLOCKS * STATE, np.float32)
     winners = np.empty(BLOCKS * 8, np.int32)
-    batch = np.empty(BATCH * RECORD, np.float32)
-    rows, words = np.empty(BATCH, np.int32), np.empty(BATCH, np.uint32)
-    lists = np.empty(BLOCKS * BATCH, np.uint8)
-    lengths = np.empty(BLOCKS, np.uint32)
-    zero, log2_alpha_min, t_min = splat(np.float32(0.0)), splat(limits[0]), splat(T_MIN)
+    batch, rows, words, masks = new_batch()
+    zero, log2_alpha_min = splat(np.float32(0.0)), splat(limits[0])
+    width, height = edges[2] - edges[0], edges[3] - edges[1]
     for tile in range(first_tile, last_tile):
         alive = live[tile]
         if alive == 0 or (offsets[tile] == offsets[tile + 1] and not (opening or closing)):
             continue
-        left, top = (tile % columns) * 16, (tile // columns + first_row) * 16
-        corner_x, corner_y = np.float32(left) + np.float32(0.5), np.float32(top) + np.float32(0.5)
+        left, top, corner_x, corner_y = tile_corner(tile, edges)
         if opening:
             for block in range(BLOCKS):
                 s = block * STATE
@@ -73,28 +80,24 @@ def composite(
         begin, end = offsets[tile], offsets[tile + 1]
         while begin < end and alive != 0:
             stop = min(begin + BATCH, end)
-            fill_batch(records, entries, begin, stop, corner_x, corner_y, alive, batch, rows, words, lists, lengths)
+            fill_batch(records, entries, begin, stop, corner_x, corner_y, alive, batch, rows, words, masks)
             begin = stop
             for block in range(BLOCKS):
-                length = np.int64(lengths[block])
-                if length == 0:
+                mask = at(masks, block)
+                if mask == 0:
                     continue
-                pixel_x = block_columns() + splat(np.float32((block & 3) * 4))
-                pixel_y = block_rows() + splat(np.float32((block >> 2) * 2))
+                pixel_x, pixel_y = pixels_of(block)
                 s = block * STATE
                 t = load(state, s)
                 red, green, blue = load(state, s + 8), load(state, s + 16), load(state, s + 24)
                 z_sum, best = load(state, s + 32), load(state, s + 40)
                 winner = load(winners, block * 8)
-                for k in range(block * BATCH, block * BATCH + length):
-                    entry = np.int64(at(lists, k))
+                while mask != 0:
+                    entry = lowest_bit(mask)
+                    mask &= mask - np.uint64(1)
                     e = entry * RECORD
                     a = alpha_of(batch, e, pixel_x, pixel_y, log2_alpha_min)
-                    w = a * t
-                    after = fma(-a, t, t)
-                    stops = after < t_min
-                    w = select(stops, zero, w)
-                    t = select(stops, minus_magnitude(t), after)
+                    w, t, stops = blended(a, t)
                     if t_stop is not None:
                         t = select(t < splat(t_stop), minus_magnitude(t), t)
                     if color is not None:
@@ -125,8 +128,7 @@ def composite(
         live[tile] = 0
         for y in range(top, min(top + 16, height)):
             for x in range(left, min(left + 16, width)):
-                block = ((y - top) >> 1) * 4 + ((x - left) >> 2)
-                lane = ((y - top) & 1) * 4 + ((x - left) & 3)
+                block, lane = lane_at(x - left, y - top)
                 s = block * STATE + lane
                 pixel = y * width + x
                 t_here = abs(state[s])

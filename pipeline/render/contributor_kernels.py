@@ -17,9 +17,6 @@ from pipeline.render.project_kernels import RECORD
 from pipeline.render.simd_kernels import (
     at,
     bits,
-    block_columns,
-    block_rows,
-    fma,
     load,
     lowest_bit,
     minus_magnitude,
@@ -27,7 +24,18 @@ from pipeline.render.simd_kernels import (
     splat,
     store,
 )
-from pipeline.render.tile_kernels import ALPHA_CAP, BATCH, BLOCKS, T_MIN, alpha_of, fill_batch
+from pipeline.render.tile_kernels import (
+    ALPHA_CAP,
+    BATCH,
+    BLOCKS,
+    alpha_of,
+    blended,
+    fill_batch,
+    lane_at,
+    new_batch,
+    pixels_of,
+    tile_corner,
+)
 
 # Floats per block in the state buffer: T, contributions met, lightest weight of the list.
 STATE = 24
@@ -35,7 +43,7 @@ STATE = 24
 
 @kernel
 def collect(
-    first_tile, last_tile, columns, first_row, width, height, offsets, entries, records, ids, opening, closing,
+    first_tile, last_tile, edges, offsets, entries, records, ids, opening, closing,
     live, limits, states, k, first, found_ids, found_weights,
 ):  # fmt: skip
     """Insert one slab into the lists of tiles first_tile to last_tile of a band; the first arguments as in `composite`.
@@ -43,17 +51,14 @@ def collect(
     Keeps states (tiles * 768,) float32 between slabs. Writes found_ids (H * W * k,) int32, -1 in empty places, and
     found_weights (H * W * k,) float32. `first` (float32, may be infinite) bounds the contributions a pixel looks at.
     """
-    batch = np.empty(BATCH * RECORD, np.float32)
-    rows, words = np.empty(BATCH, np.int32), np.empty(BATCH, np.uint32)
-    lists = np.empty(BLOCKS * BATCH, np.uint8)
-    lengths = np.empty(BLOCKS, np.uint32)
+    batch, rows, words, masks = new_batch()
     weights_of_lanes = np.empty(8, np.float32)
     zero, one, cap = splat(np.float32(0.0)), splat(np.float32(1.0)), splat(ALPHA_CAP)
-    log2_alpha_min, t_min, most = splat(limits[0]), splat(T_MIN), splat(np.float32(first))
+    log2_alpha_min, most = splat(limits[0]), splat(np.float32(first))
+    width, height = edges[2] - edges[0], edges[3] - edges[1]
     for tile in range(first_tile, last_tile):
         alive = live[tile]
-        left, top = (tile % columns) * 16, (tile // columns + first_row) * 16
-        corner_x, corner_y = np.float32(left) + np.float32(0.5), np.float32(top) + np.float32(0.5)
+        left, top, corner_x, corner_y = tile_corner(tile, edges)
         tile_state = tile * BLOCKS * STATE
         if opening:
             for place in range(BLOCKS * STATE):
@@ -61,40 +66,36 @@ def collect(
             # Lanes beyond the image's edge keep T = -0 and take nothing.
             for y in range(top, min(top + 16, height)):
                 for x in range(left, min(left + 16, width)):
-                    block = ((y - top) >> 1) * 4 + ((x - left) >> 2)
-                    states[tile_state + block * STATE + ((y - top) & 1) * 4 + ((x - left) & 3)] = 1.0
+                    block, lane = lane_at(x - left, y - top)
+                    states[tile_state + block * STATE + lane] = 1.0
                     for place in range((y * width + x) * k, (y * width + x + 1) * k):
                         found_ids[place] = -1
                         found_weights[place] = 0.0
         begin, end = offsets[tile], offsets[tile + 1]
         while begin < end and alive != 0:
             stop = min(begin + BATCH, end)
-            fill_batch(records, entries, begin, stop, corner_x, corner_y, alive, batch, rows, words, lists, lengths)
+            fill_batch(records, entries, begin, stop, corner_x, corner_y, alive, batch, rows, words, masks)
             begin = stop
             for block in range(BLOCKS):
-                length = np.int64(lengths[block])
-                if length == 0:
+                mask = at(masks, block)
+                if mask == 0:
                     continue
-                pixel_x = block_columns() + splat(np.float32((block & 3) * 4))
-                pixel_y = block_rows() + splat(np.float32((block >> 2) * 2))
+                pixel_x, pixel_y = pixels_of(block)
                 s = tile_state + block * STATE
                 t, met = load(states, s), load(states, s + 8)
-                for number in range(block * BATCH, block * BATCH + length):
-                    entry = np.int64(at(lists, number))
+                while mask != 0:
+                    entry = lowest_bit(mask)
+                    mask &= mask - np.uint64(1)
                     a = alpha_of(batch, entry * RECORD, pixel_x, pixel_y, log2_alpha_min)
-                    w = a * t
-                    after = fma(-a, t, t)
-                    stops = after < t_min
-                    w = select(stops, zero, w)
-                    t = select(stops, minus_magnitude(t), after)
-                    mask = bits(w > load(states, s + 16))
-                    if mask != 0:
+                    w, t, _ = blended(a, t)
+                    lanes = bits(w > load(states, s + 16))
+                    if lanes != 0:
                         store(weights_of_lanes, 0, w)
                         store(states, s + 8, met)
                         gaussian = ids[rows[entry]]
-                        while mask != 0:
-                            lane = lowest_bit(mask)
-                            mask &= mask - np.uint32(1)
+                        while lanes != 0:
+                            lane = lowest_bit(lanes)
+                            lanes &= lanes - np.uint32(1)
                             weight = at(weights_of_lanes, lane)
                             x, y = left + (block & 3) * 4 + (lane & 3), top + (block >> 2) * 2 + (lane >> 2)
                             base = (y * width + x) * k

@@ -13,6 +13,7 @@ from pipeline.render.api import DEFAULT_NEAR_M, check_near, check_threads
 from pipeline.render.prepare import PreparedGaussians, prepare
 from pipeline.render.quality import EXACT
 from pipeline.render.reference import layers, project_float64
+from pipeline.render.window import Window
 from pipeline.scene.gaussians import Gaussians
 from schemas.errors import InputError
 
@@ -66,17 +67,21 @@ def top_contributors(
     check_threads(threads)
     prepared = gaussians if isinstance(gaussians, PreparedGaussians) else prepare(gaussians)
     clock, limits = Clock(None, threads), EXACT.limits()
+    whole = Window.of(camera)
     records = sorted_records(
-        prepared, camera, near=near, antialias=antialias, quality=EXACT, threads=threads, clock=clock
+        prepared, camera, whole, near=near, antialias=antialias, quality=EXACT, threads=threads, clock=clock
     )
     shape = (camera.height, camera.width, k)
     ids, weights = np.empty(math.prod(shape), np.int32), np.empty(math.prod(shape), np.float32)
     most = np.float32(np.inf if first is None else first)
-    for step in steps(records, camera, threads, clock):
+    for step in steps(records, whole, threads, clock):
         states = WORKSPACE.array("states", len(step.band.live) * BLOCKS * STATE, np.float32)
 
-        def work(start: int, stop: int, step: Step = step, states: np.ndarray = states) -> None:
-            collect(*step.arguments(start, stop, camera, records), limits, states, k, most, ids, weights)
+        window = step.band.window
+        rows = slice(window.top * window.width * k, window.bottom * window.width * k)
+
+        def work(start: int, stop: int, step: Step = step, states: np.ndarray = states, rows: slice = rows) -> None:
+            collect(*step.arguments(start, stop, records), limits, states, k, most, ids[rows], weights[rows])
 
         step.paint(work, threads)
     return Contributors(ids.reshape(shape), weights.reshape(shape))

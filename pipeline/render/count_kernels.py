@@ -13,17 +13,25 @@ from pipeline.render.project_kernels import RECORD
 from pipeline.render.simd_kernels import (
     at,
     bits,
-    block_columns,
-    block_rows,
-    fma,
     larger,
     load,
+    lowest_bit,
     minus_magnitude,
     select,
     splat,
     store,
 )
-from pipeline.render.tile_kernels import ALPHA_CAP, BATCH, BLOCKS, T_MIN, alpha_of, fill_batch
+from pipeline.render.tile_kernels import (
+    ALPHA_CAP,
+    BATCH,
+    BLOCKS,
+    alpha_of,
+    blended,
+    fill_batch,
+    new_batch,
+    pixels_of,
+    tile_corner,
+)
 
 # Floats per block in the state buffer: T, weight.
 STATE = 16
@@ -31,7 +39,7 @@ STATE = 16
 
 @kernel
 def count_blends(
-    first_tile, last_tile, columns, first_row, width, height, offsets, entries, records, ids, opening, closing,
+    first_tile, last_tile, edges, offsets, entries, records, ids, opening, closing,
     live, limits, states, t_stop, dominance, totals,
 ):  # fmt: skip
     """Add one slab of tiles first_tile to last_tile to `totals`; the first arguments as in `composite`.
@@ -40,16 +48,12 @@ def count_blends(
     t_stop (float32) is 0 where nothing is given up. With `dominance`, blocks stop as `dominate` stops them. Keeps
     states (tiles * 512,) float32 between slabs.
     """
-    batch = np.empty(BATCH * RECORD, np.float32)
-    rows, words = np.empty(BATCH, np.int32), np.empty(BATCH, np.uint32)
-    lists = np.empty(BLOCKS * BATCH, np.uint8)
-    lengths = np.empty(BLOCKS, np.uint32)
+    batch, rows, words, masks = new_batch()
     zero, cap = splat(np.float32(0.0)), splat(ALPHA_CAP)
-    log2_alpha_min, t_min = splat(limits[0]), splat(T_MIN)
+    log2_alpha_min = splat(limits[0])
     for tile in range(first_tile, last_tile):
         alive = live[tile]
-        left, top = (tile % columns) * 16, (tile // columns + first_row) * 16
-        corner_x, corner_y = np.float32(left) + np.float32(0.5), np.float32(top) + np.float32(0.5)
+        _, _, corner_x, corner_y = tile_corner(tile, edges)
         tile_state = tile * BLOCKS * STATE
         if opening:
             for block in range(BLOCKS):
@@ -58,23 +62,20 @@ def count_blends(
         begin, end = offsets[tile], offsets[tile + 1]
         while begin < end and alive != 0:
             stop = min(begin + BATCH, end)
-            fill_batch(records, entries, begin, stop, corner_x, corner_y, alive, batch, rows, words, lists, lengths)
+            fill_batch(records, entries, begin, stop, corner_x, corner_y, alive, batch, rows, words, masks)
             begin = stop
             for block in range(BLOCKS):
-                length = np.int64(lengths[block])
-                if length == 0:
+                mask = at(masks, block)
+                if mask == 0:
                     continue
-                pixel_x = block_columns() + splat(np.float32((block & 3) * 4))
-                pixel_y = block_rows() + splat(np.float32((block >> 2) * 2))
+                pixel_x, pixel_y = pixels_of(block)
                 s = tile_state + block * STATE
                 t, best = load(states, s), load(states, s + 8)
-                for number in range(block * BATCH, block * BATCH + length):
-                    a = alpha_of(batch, np.int64(at(lists, number)) * RECORD, pixel_x, pixel_y, log2_alpha_min)
-                    w = a * t
-                    after = fma(-a, t, t)
-                    stops = after < t_min
-                    w = select(stops, zero, w)
-                    t = select(stops, minus_magnitude(t), after)
+                while mask != 0:
+                    entry = lowest_bit(mask)
+                    mask &= mask - np.uint64(1)
+                    a = alpha_of(batch, entry * RECORD, pixel_x, pixel_y, log2_alpha_min)
+                    w, t, _ = blended(a, t)
                     t = select(t < splat(t_stop), minus_magnitude(t), t)
                     best = larger(w, best)
                     took = bits(w > zero)

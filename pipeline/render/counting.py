@@ -9,6 +9,7 @@ import numpy as np
 from pipeline.geometry import Camera
 from pipeline.render.prepare import PreparedGaussians
 from pipeline.render.quality import EXACT, RenderQuality
+from pipeline.render.window import Window
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,9 +50,12 @@ def count_blends(
 
     clock, limits, totals = Clock(None, 1), quality.limits(), np.zeros(3, np.int64)
     stop = np.float32(quality.transmittance_stop)
-    records = sorted_records(prepared, camera, near=near, antialias=antialias, quality=quality, threads=1, clock=clock)
-    for step in steps(records, camera, 1, clock):
+    whole = Window.of(camera)
+    records = sorted_records(
+        prepared, camera, whole, near=near, antialias=antialias, quality=quality, threads=1, clock=clock
+    )
+    for step in steps(records, whole, 1, clock):
         tiles = len(step.band.live)
         states = WORKSPACE.array("states", tiles * BLOCKS * count_kernels.STATE, np.float32)
-        count_kernels.count_blends(*step.arguments(0, tiles, camera, records), limits, states, stop, dominance, totals)
+        count_kernels.count_blends(*step.arguments(0, tiles, records), limits, states, stop, dominance, totals)
     return BlendCounts(*map(int, totals))

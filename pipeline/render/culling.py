@@ -1,14 +1,14 @@
-"""Which blocks of a prepared scene a camera may see."""
+"""Which blocks of a prepared scene a window of an image may show."""
 
 from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Int32
 
-from pipeline.geometry import Camera
 from pipeline.render.cull_kernels import cull
 from pipeline.render.lens import Lens
 from pipeline.render.prepare import PreparedGaussians
+from pipeline.render.window import Window
 
 WIDEST_BOUND = 3.34
 """Just over sqrt(2 ln 255): standard deviations at which a Gaussian of opacity 1 falls to alpha 1/255."""
@@ -16,12 +16,12 @@ LOW_PASS_PX = 0.55
 """Just over sqrt(0.3): what the low-pass adds to a projected deviation, at most."""
 
 
-def visible_blocks(prepared: PreparedGaussians, camera: Camera, lens: Lens, near: float) -> Int32[np.ndarray, "b"]:
-    """Return the blocks that may hold a Gaussian this camera sees, ascending; never leaves one out.
+def visible_blocks(prepared: PreparedGaussians, lens: Lens, window: Window, near: float) -> Int32[np.ndarray, "b"]:
+    """Return the blocks that may hold a Gaussian the window shows, ascending; never leaves one out.
 
-    A Gaussian reaches pixel 0 only if fx X + cx Z + k (s fx sqrt(1 + l^2) + Z sqrt(.3)) >= 0, with s its largest
-    deviation, l the clamp limit and k the widest bound. That is a plane in camera space shifted by the block's reach;
-    likewise for the other three sides.
+    A Gaussian reaches the left edge e only if fx X + (cx - e) Z + k (s fx sqrt(1 + l^2) + Z sqrt(.3)) >= 0, with s its
+    largest deviation, l the clamp limit and k the widest bound. That is a plane in camera space shifted by the block's
+    reach; likewise for the other three sides.
     """
     spread = WIDEST_BOUND * LOW_PASS_PX
     (fx, fy), (cx, cy) = lens.focal, lens.principal
@@ -30,10 +30,10 @@ def visible_blocks(prepared: PreparedGaussians, camera: Camera, lens: Lens, near
     local = np.array(
         [
             [0.0, 0.0, 1.0],
-            [fx, 0.0, cx + spread],
-            [-fx, 0.0, camera.width - cx + spread],
-            [0.0, fy, cy + spread],
-            [0.0, -fy, camera.height - cy + spread],
+            [fx, 0.0, cx - window.left + spread],
+            [-fx, 0.0, window.right - cx + spread],
+            [0.0, fy, cy - window.top + spread],
+            [0.0, -fy, window.bottom - cy + spread],
         ]
     )
     normals = local @ lens.rotation

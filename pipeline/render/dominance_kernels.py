@@ -14,17 +14,27 @@ from pipeline.render.project_kernels import RECORD
 from pipeline.render.simd_kernels import (
     at,
     bits,
-    block_columns,
-    block_rows,
-    fma,
     load,
+    lowest_bit,
     minus_magnitude,
     select,
     splat,
     splat_at,
     store,
 )
-from pipeline.render.tile_kernels import ALPHA_CAP, BATCH, BLOCKS, T_MIN, alpha_of, copy_vectors, fill_batch
+from pipeline.render.tile_kernels import (
+    ALPHA_CAP,
+    BATCH,
+    BLOCKS,
+    alpha_of,
+    blended,
+    copy_vectors,
+    fill_batch,
+    lane_at,
+    new_batch,
+    pixels_of,
+    tile_corner,
+)
 
 # Floats per block in the state buffer: T, weight.
 STATE = 16
@@ -32,7 +42,7 @@ STATE = 16
 
 @kernel
 def dominate(
-    first_tile, last_tile, columns, first_row, width, height, offsets, entries, records, ids, opening, closing,
+    first_tile, last_tile, edges, offsets, entries, records, ids, opening, closing,
     live, limits, states, winner_states, t_stop, dominant, weight,
 ):  # fmt: skip
     """Write `dominant` (H * W,) int32 and `weight` (H * W,) float32 of a range of tiles; arguments as in `composite`.
@@ -41,18 +51,15 @@ def dominate(
     """
     state = np.empty(BLOCKS * STATE, np.float32)
     winners = np.empty(BLOCKS * 8, np.int32)
-    batch = np.empty(BATCH * RECORD, np.float32)
-    rows, words = np.empty(BATCH, np.int32), np.empty(BATCH, np.uint32)
-    lists = np.empty(BLOCKS * BATCH, np.uint8)
-    lengths = np.empty(BLOCKS, np.uint32)
+    batch, rows, words, masks = new_batch()
     zero, cap = splat(np.float32(0.0)), splat(ALPHA_CAP)
-    log2_alpha_min, t_min = splat(limits[0]), splat(T_MIN)
+    log2_alpha_min = splat(limits[0])
+    width, height = edges[2] - edges[0], edges[3] - edges[1]
     for tile in range(first_tile, last_tile):
         alive = live[tile]
         if alive == 0 or (offsets[tile] == offsets[tile + 1] and not (opening or closing)):
             continue
-        left, top = (tile % columns) * 16, (tile // columns + first_row) * 16
-        corner_x, corner_y = np.float32(left) + np.float32(0.5), np.float32(top) + np.float32(0.5)
+        left, top, corner_x, corner_y = tile_corner(tile, edges)
         if opening:
             for block in range(BLOCKS):
                 store(state, block * STATE, splat(np.float32(1.0)))
@@ -64,25 +71,21 @@ def dominate(
         begin, end = offsets[tile], offsets[tile + 1]
         while begin < end and alive != 0:
             stop = min(begin + BATCH, end)
-            fill_batch(records, entries, begin, stop, corner_x, corner_y, alive, batch, rows, words, lists, lengths)
+            fill_batch(records, entries, begin, stop, corner_x, corner_y, alive, batch, rows, words, masks)
             begin = stop
             for block in range(BLOCKS):
-                length = np.int64(lengths[block])
-                if length == 0:
+                mask = at(masks, block)
+                if mask == 0:
                     continue
-                pixel_x = block_columns() + splat(np.float32((block & 3) * 4))
-                pixel_y = block_rows() + splat(np.float32((block >> 2) * 2))
+                pixel_x, pixel_y = pixels_of(block)
                 t = load(state, block * STATE)
                 best = load(state, block * STATE + 8)
                 winner = load(winners, block * 8)
-                for k in range(block * BATCH, block * BATCH + length):
-                    entry = np.int64(at(lists, k))
+                while mask != 0:
+                    entry = lowest_bit(mask)
+                    mask &= mask - np.uint64(1)
                     a = alpha_of(batch, entry * RECORD, pixel_x, pixel_y, log2_alpha_min)
-                    w = a * t
-                    after = fma(-a, t, t)
-                    stops = after < t_min
-                    w = select(stops, zero, w)
-                    t = select(stops, minus_magnitude(t), after)
+                    w, t, _ = blended(a, t)
                     if t_stop is not None:
                         t = select(t < splat(t_stop), minus_magnitude(t), t)
                     more = w > best
@@ -102,8 +105,7 @@ def dominate(
         live[tile] = 0
         for y in range(top, min(top + 16, height)):
             for x in range(left, min(left + 16, width)):
-                block = ((y - top) >> 1) * 4 + ((x - left) >> 2)
-                lane = ((y - top) & 1) * 4 + ((x - left) & 3)
+                block, lane = lane_at(x - left, y - top)
                 row = winners[block * 8 + lane]
                 dominant[y * width + x] = ids[row] if row >= 0 else np.int32(-1)
                 weight[y * width + x] = state[block * STATE + 8 + lane]

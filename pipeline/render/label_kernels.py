@@ -14,17 +14,22 @@ from pipeline.render.project_kernels import RECORD
 from pipeline.render.simd_kernels import (
     at,
     bits,
-    block_columns,
-    block_rows,
-    fma,
     load,
     lowest_bit,
-    minus_magnitude,
-    select,
     splat,
     store,
 )
-from pipeline.render.tile_kernels import BATCH, BLOCKS, T_MIN, alpha_of, fill_batch
+from pipeline.render.tile_kernels import (
+    BATCH,
+    BLOCKS,
+    alpha_of,
+    blended,
+    fill_batch,
+    lane_at,
+    new_batch,
+    pixels_of,
+    tile_corner,
+)
 
 # Floats per block in the state buffer: T.
 STATE = 8
@@ -32,7 +37,7 @@ STATE = 8
 
 @kernel
 def add_labels(
-    first_tile, last_tile, columns, first_row, width, height, offsets, entries, records, ids, opening, closing,
+    first_tile, last_tile, edges, offsets, entries, records, ids, opening, closing,
     live, limits, states, labels, count, sums,
 ):  # fmt: skip
     """Add one slab's weights in tiles first_tile to last_tile of a band; the first arguments as in `composite`.
@@ -40,57 +45,49 @@ def add_labels(
     Takes labels (M,) int32, 0 to count - 1, or negative for Gaussians that only hide what is behind them. Keeps states
     (tiles * 256,) float32 between slabs. Writes sums (h * W * count,) float32 for the h pixel rows of the band.
     """
-    batch = np.empty(BATCH * RECORD, np.float32)
-    rows, words = np.empty(BATCH, np.int32), np.empty(BATCH, np.uint32)
-    lists = np.empty(BLOCKS * BATCH, np.uint8)
-    lengths = np.empty(BLOCKS, np.uint32)
+    batch, rows, words, masks = new_batch()
     weights_of_lanes = np.empty(8, np.float32)
-    zero, log2_alpha_min, t_min = splat(np.float32(0.0)), splat(limits[0]), splat(T_MIN)
+    zero, log2_alpha_min = splat(np.float32(0.0)), splat(limits[0])
+    width, height = edges[2] - edges[0], edges[3] - edges[1]
     for tile in range(first_tile, last_tile):
         alive = live[tile]
-        left, top = (tile % columns) * 16, (tile // columns) * 16
-        image_top = top + first_row * 16
-        corner_x, corner_y = np.float32(left) + np.float32(0.5), np.float32(image_top) + np.float32(0.5)
+        left, top, corner_x, corner_y = tile_corner(tile, edges)
         tile_state = tile * BLOCKS * STATE
         if opening:
             for place in range(BLOCKS * STATE):
                 states[tile_state + place] = 0.0
             # Lanes beyond the image's edge keep T = -0 and take nothing.
-            for y in range(top, min(top + 16, height - first_row * 16)):
+            for y in range(top, min(top + 16, height)):
                 for x in range(left, min(left + 16, width)):
-                    block = ((y - top) >> 1) * 4 + ((x - left) >> 2)
-                    states[tile_state + block * STATE + ((y - top) & 1) * 4 + ((x - left) & 3)] = 1.0
+                    block, lane = lane_at(x - left, y - top)
+                    states[tile_state + block * STATE + lane] = 1.0
                     for place in range((y * width + x) * count, (y * width + x + 1) * count):
                         sums[place] = 0.0
         begin, end = offsets[tile], offsets[tile + 1]
         while begin < end and alive != 0:
             stop = min(begin + BATCH, end)
-            fill_batch(records, entries, begin, stop, corner_x, corner_y, alive, batch, rows, words, lists, lengths)
+            fill_batch(records, entries, begin, stop, corner_x, corner_y, alive, batch, rows, words, masks)
             begin = stop
             for block in range(BLOCKS):
-                length = np.int64(lengths[block])
-                if length == 0:
+                mask = at(masks, block)
+                if mask == 0:
                     continue
-                pixel_x = block_columns() + splat(np.float32((block & 3) * 4))
-                pixel_y = block_rows() + splat(np.float32((block >> 2) * 2))
+                pixel_x, pixel_y = pixels_of(block)
                 s = tile_state + block * STATE
                 t = load(states, s)
                 corner = (top + (block >> 2) * 2) * width + left + (block & 3) * 4
-                for number in range(block * BATCH, block * BATCH + length):
-                    entry = np.int64(at(lists, number))
+                while mask != 0:
+                    entry = lowest_bit(mask)
+                    mask &= mask - np.uint64(1)
                     a = alpha_of(batch, entry * RECORD, pixel_x, pixel_y, log2_alpha_min)
-                    w = a * t
-                    after = fma(-a, t, t)
-                    stops = after < t_min
-                    w = select(stops, zero, w)
-                    t = select(stops, minus_magnitude(t), after)
+                    w, t, stops = blended(a, t)
                     label = np.int64(labels[ids[rows[entry]]])
-                    mask = bits(w > zero)
-                    if label >= 0 and mask != 0:
+                    lanes = bits(w > zero)
+                    if label >= 0 and lanes != 0:
                         store(weights_of_lanes, 0, w)
-                        while mask != 0:
-                            lane = lowest_bit(mask)
-                            mask &= mask - np.uint32(1)
+                        while lanes != 0:
+                            lane = lowest_bit(lanes)
+                            lanes &= lanes - np.uint32(1)
                             pixel = corner + (lane >> 2) * width + (lane & 3)
                             sums[pixel * count + label] += at(weights_of_lanes, lane)
                     if bits(stops) != 0 and bits(t > zero) == 0:

@@ -12,6 +12,7 @@ from pipeline.render.api import DEFAULT_NEAR_M, check_near, check_threads
 from pipeline.render.prepare import PreparedGaussians, prepare
 from pipeline.render.quality import EXACT
 from pipeline.render.reference import layers, project_float64
+from pipeline.render.window import Window
 from pipeline.scene.gaussians import Gaussians
 from schemas.errors import InputError
 
@@ -139,12 +140,12 @@ def _sum_labels(
     prepared = gaussians if isinstance(gaussians, PreparedGaussians) else prepare(gaussians)
     clock, limits = Clock(None, threads), EXACT.limits()
     records = sorted_records(
-        prepared, camera, near=near, antialias=antialias, quality=EXACT, threads=threads, clock=clock
+        prepared, camera, Window.of(camera), near=near, antialias=antialias, quality=EXACT, threads=threads, clock=clock
     )
     band_tiles = None if image is None else BAND_BYTES // (256 * 4 * count)
-    for step in steps(records, camera, threads, clock, band_tiles=band_tiles):
+    for step in steps(records, Window.of(camera), threads, clock, band_tiles=band_tiles):
         band = step.band
-        top, bottom = band.first_row * 16, min(band.last_row * 16, camera.height)
+        top, bottom = band.window.top, band.window.bottom
         states = WORKSPACE.array("states", len(band.live) * BLOCKS * STATE, np.float32)
         if whole is not None:
             sums = whole[top:bottom].reshape(-1)
@@ -154,7 +155,7 @@ def _sum_labels(
         def work(
             start: int, stop: int, step: Step = step, states: np.ndarray = states, sums: np.ndarray = sums
         ) -> None:
-            add_labels(*step.arguments(start, stop, camera, records), limits, states, labels, count, sums)
+            add_labels(*step.arguments(start, stop, records), limits, states, labels, count, sums)
 
         step.paint(work, threads)
         if image is not None and not band.live.any():

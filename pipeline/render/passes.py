@@ -29,9 +29,10 @@ from pipeline.render.sh_kernels import shade
 from pipeline.render.sort_kernels import order_ties, put_depths, put_ids, sort_upper_half
 from pipeline.render.threads import run_each, split
 from pipeline.render.tile_kernels import BLOCKS
+from pipeline.render.window import Tiles, Window
 from pipeline.render.workspace import WORKSPACE
 
-SLAB_KEYS_PER_TILE = 16
+SLAB_KEYS_PER_TILE = 64
 """Keys in the first slab per tile of the band: small slabs skip more hidden records, large ones cost less each."""
 SLAB_GROWTH = 2
 """Each slab is this much larger than the last: most tiles are finished by the first ones."""
@@ -64,33 +65,36 @@ def render_frame(
     antialias: bool,
     threads: int,
     quality: RenderQuality = EXACT,
+    window: Tiles | None = None,
     statistics: FrameStatistics | None = None,
 ) -> Rendering:
-    """Return the outputs of one view; arguments are as in `render`, already checked.
+    """Return the outputs of one view; arguments are as in `render`, already checked but for `window`.
 
     Of `quality`, the scale and the degree are the caller's to apply.
     """
+    part = Window.of(camera, window)
     clock = Clock(statistics, threads)
     packed = Lens.of(camera).packed(near)
     records = sorted_records(
-        prepared, camera, near=near, antialias=antialias, quality=quality, threads=threads, clock=clock
+        prepared, camera, part, near=near, antialias=antialias, quality=quality, threads=threads, clock=clock
     )
-    images = _Images.empty(camera, outputs, background)
+    images = _Images.empty(part, outputs, background)
     state = DOMINANCE_STATE if images.dominance_only else STATE
-    for step in steps(records, camera, threads, clock):
+    for step in steps(records, part, threads, clock):
         states = WORKSPACE.array("states", len(step.band.live) * BLOCKS * state, np.float32)
         winners = WORKSPACE.array("winners", len(step.band.live) * BLOCKS * 8, np.int32)
         if images.color is not None:
             _shade(prepared, packed, records, step.slab, sh_degree, threads)
             clock.lap("shade")
-        _composite(step, records, camera, quality, images, states, winners, threads)
+        _composite(step, records, quality, images.rows(part, step.band.window), states, winners, threads)
         clock.lap("composite")
-    return images.rendering(camera)
+    return images.rendering(part)
 
 
 def sorted_records(
     prepared: PreparedGaussians,
     camera: Camera,
+    window: Window,
     *,
     near: float,
     antialias: bool,
@@ -98,12 +102,12 @@ def sorted_records(
     threads: int,
     clock: Clock,
 ) -> Records:
-    """Return the Gaussians this camera sees, projected and in depth order."""
+    """Return the Gaussians this window of the camera's image shows, projected and in depth order."""
     lens = Lens.of(camera)
-    blocks = visible_blocks(prepared, camera, lens, near)
+    blocks = visible_blocks(prepared, lens, window, near)
     clock.lap("cull")
     table, rectangles, ids, keys = _project(
-        prepared, camera, lens.packed(near), quality.limits(), blocks, antialias, threads
+        prepared, window, lens.packed(near), quality.limits(), blocks, antialias, threads
     )
     clock.lap("project")
     records = Records(table, rectangles, ids, _depth_order(table, ids, keys))
@@ -130,32 +134,31 @@ class Step:
         pieces = split(len(self.band.live), 1 if threads == 1 else threads * PIECES_PER_THREAD)
         run_each(lambda k: work(*pieces[k]), len(pieces), threads)
 
-    def arguments(self, first: int, last: int, camera: Camera, records: Records) -> tuple[object, ...]:
+    def arguments(self, first: int, last: int, records: Records) -> tuple[object, ...]:
         """Return what every compositing kernel takes first, up to and including `live`."""
         band, slab = self.band, self.slab
         return (
-            first, last, band.columns, band.first_row, camera.width, camera.height, slab.offsets, slab.entries,
-            records.table, records.ids, self.opening, self.closing, band.live,
+            first, last, band.window.edges, slab.offsets, slab.entries, records.table, records.ids,
+            self.opening, self.closing, band.live,
         )  # fmt: skip
 
 
 def steps(
-    records: Records, camera: Camera, threads: int, clock: Clock, *, band_tiles: int | None = None
+    records: Records, window: Window, threads: int, clock: Clock, *, band_tiles: int | None = None
 ) -> Iterator[Step]:
     """Yield the slabs of every band in order, until no tile of it is live; composite one before asking for the next.
 
     Args:
-        records: What the camera sees.
-        camera: Image size.
+        records: What the window shows.
+        window: The part of the image to cover.
         threads: Threads that bin.
         clock: Counts and times the binning.
         band_tiles: Tiles a band holds, at least one row; None for `BAND_TILES`.
     """
-    rows, columns = -(-camera.height // 16), -(-camera.width // 16)
-    band_rows = max(1, (BAND_TILES if band_tiles is None else band_tiles) // columns)
-    for first_row in range(0, rows, band_rows):
-        band = Band.of(camera.width, camera.height, first_row, min(first_row + band_rows, rows))
-        size = max(SMALLEST_SLAB, SLAB_KEYS_PER_TILE * len(band.live))
+    band_rows = max(1, (BAND_TILES if band_tiles is None else band_tiles) // window.columns)
+    for first_row in range(0, window.rows, band_rows):
+        band = Band.of(window.band(first_row, first_row + band_rows))
+        size = min(max(SMALLEST_SLAB, SLAB_KEYS_PER_TILE * len(band.live)), LARGEST_SLAB)
         at, opening = 0, True
         while band.live.any():
             slab = bin_slab(records, band, at, size, threads)
@@ -167,7 +170,7 @@ def steps(
 
 def _project(
     prepared: PreparedGaussians,
-    camera: Camera,
+    window: Window,
     packed: np.ndarray,
     limits: np.ndarray,
     blocks: Int32[np.ndarray, "b"],
@@ -186,7 +189,7 @@ def _project(
     def work(k: int) -> None:
         first, last = pieces[k]
         ends[k] = project(
-            geometry, prepared.ids, blocks, first, last, packed, limits, camera.width, camera.height, antialias,
+            geometry, prepared.ids, blocks, first, last, packed, limits, window.edges, antialias,
             table, rectangles, ids, keys, first * BLOCK,
         )  # fmt: skip
 
@@ -222,7 +225,7 @@ def _shade(
 
 @dataclass(frozen=True, slots=True)
 class _Images:
-    """Flat output arrays; None where an output is not asked for."""
+    """Flat output arrays of some rows; None where an output is not asked for."""
 
     background: Float32[np.ndarray, "3"]
     color: Float32[np.ndarray, "n3"] | None
@@ -232,8 +235,8 @@ class _Images:
     weight: Float32[np.ndarray, "n"] | None
 
     @staticmethod
-    def empty(camera: Camera, outputs: frozenset[str], background: tuple[float, float, float]) -> _Images:
-        pixels = camera.width * camera.height
+    def empty(window: Window, outputs: frozenset[str], background: tuple[float, float, float]) -> _Images:
+        pixels = window.width * window.height
         return _Images(
             background=np.array(background, np.float32),
             color=np.empty(pixels * 3, np.float32) if "color" in outputs else None,
@@ -243,12 +246,22 @@ class _Images:
             weight=np.empty(pixels, np.float32) if "dominant" in outputs else None,
         )
 
+    def rows(self, whole: Window, part: Window) -> _Images:
+        """Return the rows `part` of images that hold `whole`; no copies."""
+        first, last = ((row - whole.top) * whole.width for row in (part.top, part.bottom))
+
+        def cut(image: np.ndarray | None, channels: int = 1) -> np.ndarray | None:
+            return None if image is None else image[first * channels : last * channels]
+
+        images = map(cut, (self.depth, self.alpha, self.dominant, self.weight))
+        return _Images(self.background, cut(self.color, 3), *images)
+
     @property
     def dominance_only(self) -> bool:
         return self.color is None and self.depth is None and self.alpha is None
 
-    def rendering(self, camera: Camera) -> Rendering:
-        shape = (camera.height, camera.width)
+    def rendering(self, window: Window) -> Rendering:
+        shape = (window.height, window.width)
         return Rendering(
             color=None if self.color is None else self.color.reshape(*shape, 3),
             depth=None if self.depth is None else self.depth.reshape(shape),
@@ -261,7 +274,6 @@ class _Images:
 def _composite(
     step: Step,
     records: Records,
-    camera: Camera,
     quality: RenderQuality,
     images: _Images,
     states: np.ndarray,
@@ -273,7 +285,7 @@ def _composite(
     t_stop = np.float32(quality.transmittance_stop) if quality.transmittance_stop > 0 else None
 
     def work(first: int, last: int) -> None:
-        shared = (*step.arguments(first, last, camera, records), limits, states, winners, t_stop)
+        shared = (*step.arguments(first, last, records), limits, states, winners, t_stop)
         if images.dominance_only:
             dominate(*shared, images.dominant, images.weight)
         else:

@@ -21,8 +21,8 @@ GROUP = 8
 ROWS = 13
 """Numbers per Gaussian in `geometry`: mean (3), axes (9), log2 of the opacity."""
 LARGEST_DEVIATION_M = 1e9
-"""Standard deviations are cut here, so that squares of projected axes stay within float32. An image can tell only
-from a mean that is farther away still."""
+"""Standard deviations are cut here, by the reference too, so that squares of projected axes stay within float32. An
+image can tell only from a mean that is farther away still, or an axis within 1e-9 of the line of sight."""
 LOG2_SMALLEST_ALPHA = -np.log2(255.0)
 """Below this opacity a Gaussian can never pass the 1/255 test."""
 _CHUNK = 1 << 18

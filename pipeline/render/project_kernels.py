@@ -15,6 +15,7 @@ alpha = 2^(log2 opacity - m^2 - n^2) with m = mu dx + mv dy, n = nv dy.
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
 from pipeline.render.cached_kernels import kernel
 from pipeline.render.simd_kernels import (
@@ -49,17 +50,24 @@ ANTIALIAS_FLOOR = np.float32(2.5e-5)
 """Smallest ratio of determinants the antialias option reckons with, as in the reference rasteriser."""
 
 
+@njit(error_model="numpy")
+def tiles_in(edges):
+    """Return the columns and rows of tiles between edges left, top, right, bottom (see `Window`)."""
+    return (edges[2] - edges[0] + 15) >> TILE_SHIFT, (edges[3] - edges[1] + 15) >> TILE_SHIFT
+
+
 @kernel
 def project(
-    geometry, gaussian_ids, blocks, first, last, lens, limits, width, height, antialias,
+    geometry, gaussian_ids, blocks, first, last, lens, limits, edges, antialias,
     records, rectangles, ids, keys, at,
 ):  # fmt: skip
     """Append the survivors of `blocks[first:last]` from row `at`; return the row after them.
 
     Takes geometry (P * 13,) float32 in groups of eight, gaussian_ids (P,) int32, blocks (b,) int32 of 16 groups each,
-    lens (21,) float64 (see `Lens.packed`), limits (2,) float32 (see `RenderQuality.limits`) and the image size. Writes
-    records (rows * 16,) float32, rectangles (rows * 2,) int32, first and last tile column, then row, in 16 bits each,
-    ids (rows,) int32 and keys (rows,) uint64, depth bits over row number.
+    lens (21,) float64 (see `Lens.packed`), limits (2,) float32 (see `RenderQuality.limits`) and the window's edges (see
+    `Window`): what does not reach it is dropped, and rectangles are cut to it. Writes records (rows * 16,) float32,
+    rectangles (rows * 2,) int32, first and last tile column, then row, in 16 bits each, ids (rows,) int32 and keys
+    (rows,) uint64, depth bits over row number.
     """
     r00, r01, r02 = splat(lens[0]), splat(lens[1]), splat(lens[2])
     r10, r11, r12 = splat(lens[3]), splat(lens[4]), splat(lens[5])
@@ -75,7 +83,8 @@ def project(
     zero, one, low_pass = splat(np.float32(0.0)), splat(np.float32(1.0)), splat(LOW_PASS)
     scale, inverse_scale = splat(SCALE), splat(np.float32(1.0) / SCALE)
     log2_alpha_min, least_bound = splat(limits[0]), splat(limits[1])
-    last_x, last_y = splat(np.float32(width - 1)), splat(np.float32(height - 1))
+    left, top = splat(np.float32(edges[0])), splat(np.float32(edges[1]))
+    last_x, last_y = splat(np.float32(edges[2] - 1)), splat(np.float32(edges[3] - 1))
     to_first, to_last = splat(np.float32(0.5) - SLACK), splat(SLACK - np.float32(0.5))
     shift, halfword = splat(np.int32(TILE_SHIFT)), splat(np.int32(16))
     lanes, places = np.empty(RECORD * 8, np.float32), np.empty(16, np.int32)
@@ -131,11 +140,11 @@ def project(
             half_height = square_root(bound * c) * inverse_scale
             # First pixel centre inside (a ceiling) and last one (a floor), by truncation of numbers above zero.
             x_end, y_end = u + half_width + to_last, v + half_height + to_last
-            x_first = truncate(smaller(larger(u - half_width + to_first, zero), last_x + one))
-            y_first = truncate(smaller(larger(v - half_height + to_first, zero), last_y + one))
-            x_last = truncate(smaller(larger(x_end, zero), last_x))
-            y_last = truncate(smaller(larger(y_end, zero), last_y))
-            seen = seen & (x_end >= zero) & (y_end >= zero) & (x_first <= x_last) & (y_first <= y_last)
+            x_first = truncate(smaller(larger(u - half_width + to_first, left), last_x + one))
+            y_first = truncate(smaller(larger(v - half_height + to_first, top), last_y + one))
+            x_last = truncate(smaller(larger(x_end, left), last_x))
+            y_last = truncate(smaller(larger(y_end, top), last_y))
+            seen = seen & (x_end >= left) & (y_end >= top) & (x_first <= x_last) & (y_first <= y_last)
             mask = bits(seen)
             if mask == 0:
                 continue

@@ -14,6 +14,7 @@ from jaxtyping import Float64, Int64
 
 from pipeline.geometry import Camera, quats_to_rotations
 from pipeline.render.lens import Lens
+from pipeline.render.prepare import LARGEST_DEVIATION_M
 from pipeline.render.quality import EXACT, RenderQuality
 from pipeline.render.rendering import Rendering
 from pipeline.scene.gaussians import Gaussians
@@ -64,7 +65,7 @@ def project_float64(
     jacobian = np.stack(
         [np.stack([fx / z, zero, -fx * side_x / z], -1), np.stack([zero, fy / z, -fy * side_y / z], -1)], axis=1
     )
-    scales = np.exp(gaussians.log_scales[ids].astype(np.float64))
+    scales = np.minimum(np.exp(gaussians.log_scales[ids].astype(np.float64)), LARGEST_DEVIATION_M)
     axes = jacobian @ lens.rotation @ (quats_to_rotations(gaussians.quats[ids]) * scales[:, None, :])
     p, q = axes[:, 0], axes[:, 1]
     xx, xy, yy = (p * p).sum(-1), (p * q).sum(-1), (q * q).sum(-1)

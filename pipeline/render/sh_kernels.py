@@ -26,6 +26,7 @@ from pipeline.render.simd_kernels import (
     square_root,
     store,
 )
+from pipeline.render.transpose_kernels import transposed
 
 AHEAD = 16
 """Records between asking for a colour and reading it: two groups of eight."""
@@ -68,6 +69,21 @@ def write_basis(degree, x, y, z, basis):
     store(basis, 120, splat(-C30) * x * (xx - three * yy))
 
 
+@njit(error_model="numpy")
+def read_coefficients(sh, places, count, coefficients):
+    """Copy `count` numbers from each of eight `places` of `sh`, so that the eight of a kind lie side by side."""
+    whole = count & ~7
+    for k in range(0, whole, 8):
+        rows = transposed(
+            load(sh, places[0] + k), load(sh, places[1] + k), load(sh, places[2] + k), load(sh, places[3] + k),
+            load(sh, places[4] + k), load(sh, places[5] + k), load(sh, places[6] + k), load(sh, places[7] + k),
+        )  # fmt: skip
+        for j in range(8):
+            store(coefficients, (k + j) * 8, rows[j])
+    for k in range(whole, count):
+        store(coefficients, k * 8, gather(sh, places, k))
+
+
 @kernel
 def shade(sh, coefficients, degree, lens, ids, touched, count, records):
     """Write the colours of the records `touched[:count]`: max(0, sum + 0.5).
@@ -77,7 +93,7 @@ def shade(sh, coefficients, degree, lens, ids, touched, count, records):
     """
     used = (degree + 1) * (degree + 1)
     basis = np.empty(16 * 8, np.float32)
-    colors = np.empty(3 * 8, np.float32)
+    numbers, colors = np.empty(16 * 3 * 8, np.float32), np.empty(3 * 8, np.float32)
     places, rows = np.empty(8, np.int64), np.empty(8, np.int64)
     r00, r01, r02 = narrow(splat(lens[0])), narrow(splat(lens[1])), narrow(splat(lens[2]))
     r10, r11, r12 = narrow(splat(lens[3])), narrow(splat(lens[4])), narrow(splat(lens[5]))
@@ -88,15 +104,20 @@ def shade(sh, coefficients, degree, lens, ids, touched, count, records):
     steepest = splat(STEEPEST)
     for start in range(0, count, 8):
         for lane in range(8):
-            ahead = np.int64(ids[touched[min(start + lane + AHEAD, count - 1)]]) * coefficients * 3
+            record = np.int64(at(touched, min(start + lane + AHEAD, count - 1)))
+            prefetch(records, record * RECORD)
+            ahead = np.int64(at(ids, record)) * coefficients * 3
             for line in range(ahead, ahead + used * 3, 16):
                 prefetch(sh, line)
+            prefetch(sh, ahead + used * 3 - 1)
+            prefetch(ids, np.int64(at(touched, min(start + lane + 2 * AHEAD, count - 1))))
             record = np.int64(touched[min(start + lane, count - 1)])
             rows[lane] = record * RECORD
             places[lane] = np.int64(ids[record]) * coefficients * 3
-        red = fma(splat(C0), gather(sh, places, 0), half)
-        green = fma(splat(C0), gather(sh, places, 1), half)
-        blue = fma(splat(C0), gather(sh, places, 2), half)
+        read_coefficients(sh, places, used * 3, numbers)
+        red = fma(splat(C0), load(numbers, 0), half)
+        green = fma(splat(C0), load(numbers, 8), half)
+        blue = fma(splat(C0), load(numbers, 16), half)
         if degree > 0:
             # Back from the pixel to a ray in camera axes (z = 1), then to a unit direction in the world.
             u = smaller(larger((gather(records, rows, U) - cx) * over_fx, -steepest), steepest)
@@ -108,9 +129,9 @@ def shade(sh, coefficients, degree, lens, ids, touched, count, records):
             write_basis(degree, x, y, z, basis)
             for k in range(1, used):
                 b = load(basis, k * 8)
-                red = fma(b, gather(sh, places, k * 3), red)
-                green = fma(b, gather(sh, places, k * 3 + 1), green)
-                blue = fma(b, gather(sh, places, k * 3 + 2), blue)
+                red = fma(b, load(numbers, k * 24), red)
+                green = fma(b, load(numbers, k * 24 + 8), green)
+                blue = fma(b, load(numbers, k * 24 + 16), blue)
         store(colors, 0, larger(red, zero))
         store(colors, 8, larger(green, zero))
         store(colors, 16, larger(blue, zero))

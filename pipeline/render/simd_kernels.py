@@ -315,12 +315,13 @@ def bits(typing_context, mask):
 
 @intrinsic
 def lowest_bit(typing_context, word):
-    """Return the position of the lowest set bit of a 32-bit word that is not 0."""
+    """Return the position of the lowest set bit of a uint32 or uint64 that is not 0."""
 
     def emit(context, builder, sig, args):
-        return builder.zext(builder.cttz(args[0], ir.Constant(_I1, 1)), ir.IntType(64))
+        place = builder.cttz(args[0], ir.Constant(_I1, 1))
+        return place if word == types.uint64 else builder.zext(place, ir.IntType(64))
 
-    return types.intp(types.uint32), emit
+    return types.intp(word), emit
 
 
 @intrinsic

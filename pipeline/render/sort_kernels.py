@@ -1,7 +1,7 @@
 # mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
 """Depth order: a stable radix sort of the survivors by float depth bits, ties by Gaussian id.
 
-Serial. Depths are positive, so their bits sort like integers; only the bits in which they differ are sorted.
+Serial. Depths are positive, so their bits sort like integers; only the bits of their range are sorted.
 """
 
 from __future__ import annotations
@@ -10,10 +10,10 @@ import numpy as np
 
 from pipeline.render.cached_kernels import kernel
 from pipeline.render.project_kernels import DEPTH, RECORD
-from pipeline.render.simd_kernels import float_bits
+from pipeline.render.simd_kernels import at, float_bits, put
 
-DIGIT = 11
-"""Bits per pass: 2048 counters fit in the first-level cache."""
+DIGIT = 13
+"""Bits per pass, at most: 8192 counters fit in the first-level cache, and depths of a room need two passes."""
 
 
 @kernel
@@ -39,37 +39,38 @@ def sort_upper_half(keys, spare):
     count = keys.size
     if count < 2:
         return keys
-    every, some = keys[0], keys[0]
+    low, high = keys[0] >> np.uint64(32), keys[0] >> np.uint64(32)
     for k in range(count):
-        every &= keys[k]
-        some |= keys[k]
-    differing = np.uint32((every ^ some) >> np.uint64(32))
-    highest = 0
-    while differing >> np.uint32(highest) != 0 and highest < 32:
-        highest += 1
-    passes = (highest + DIGIT - 1) // DIGIT
+        low, high = min(low, keys[k] >> np.uint64(32)), max(high, keys[k] >> np.uint64(32))
+    bits = 0
+    while (high - low) >> np.uint64(bits) != 0:
+        bits += 1
+    passes = (bits + DIGIT - 1) // DIGIT
     if passes == 0:
         return keys
-    width = (highest + passes - 1) // passes
+    width = (bits + passes - 1) // passes
     mask = np.uint64((1 << width) - 1)
-    counters = np.zeros((passes, 1 << width), np.int64)
-    for k in range(count):
-        key = keys[k] >> np.uint64(32)
-        for number in range(passes):
-            counters[number, (key >> np.uint64(number * width)) & mask] += 1
+    counters = np.zeros((passes, 1 << width), np.int32)
+    for number in range(passes):
+        shift = np.uint64(number * width)
+        for k in range(count):
+            digit = np.int64((((at(keys, k) >> np.uint64(32)) - low) >> shift) & mask)
+            counters[number, digit] += np.int32(1)
     source, target = keys, spare
     for number in range(passes):
         places = counters[number]
-        total = np.int64(0)
-        for digit in range(1 << width):
-            here = places[digit]
-            places[digit] = total
+        total = np.int32(0)
+        for bucket in range(1 << width):
+            here = places[bucket]
+            places[bucket] = total
             total += here
-        shift = np.uint64(32 + number * width)
+        shift = np.uint64(number * width)
         for k in range(count):
-            digit = (source[k] >> shift) & mask
-            target[places[digit]] = source[k]
-            places[digit] += 1
+            key = at(source, k)
+            digit = np.int64((((key >> np.uint64(32)) - low) >> shift) & mask)
+            place = at(places, digit)
+            put(target, np.int64(place), key)
+            put(places, digit, place + np.int32(1))
         source, target = target, source
     return source
 

@@ -3,7 +3,7 @@
 
 A tile of 16 x 16 pixels is 32 blocks of 4 x 2 pixels, one vector each, numbered row by row; a set of blocks is a
 32-bit word. Records come in batches: for each one the row spans of its ellipse give its blocks, its parameters are
-moved to the tile's corner and copied side by side, and its place is appended to the list of every block it covers.
+moved to the tile's corner and copied side by side, and its bit is set in the mask of every block it covers.
 The caller then takes the blocks one by one, with a block's whole state in registers.
 """
 
@@ -24,16 +24,20 @@ from pipeline.render.project_kernels import (
     SLOPE,
     U,
     V,
+    tiles_in,
 )
 from pipeline.render.simd_kernels import (
     at,
+    block_columns,
+    block_rows,
     fma,
     lane_numbers,
     larger,
     load,
-    lowest_bit,
+    minus_magnitude,
     nibble_shifts,
     prefetch,
+    put,
     select,
     smaller,
     splat,
@@ -43,9 +47,10 @@ from pipeline.render.simd_kernels import (
     truncate,
     union,
 )
+from pipeline.render.transpose_kernels import transpose_bits
 
 BATCH = 64
-"""Records per batch: parameters (4 KB) and lists (2 KB) stay in the first-level cache; larger ones stop later."""
+"""Records per batch, the bits of a mask: their parameters (4 KB) stay in the first-level cache."""
 BLOCKS = 32
 # A batch entry is a record, but that m and n at the tile's first pixel centre stand in the place of u and v.
 M_0, N_0 = U, V
@@ -68,6 +73,41 @@ E0, E1, E2, E3, E4, E5 = (
         2.864954e-08,
     )
 )
+
+
+@njit(error_model="numpy")
+def tile_corner(tile, edges):
+    """Return the first pixel column and row of a tile, counted from its band's corner, and its first pixel centre.
+
+    The centre is a place in the image, float32. Tiles of a band (see `Window` for its edges) are numbered row by row.
+    """
+    columns, _ = tiles_in(edges)
+    left, top = (tile % columns) * 16, (tile // columns) * 16
+    return left, top, np.float32(edges[0] + left) + np.float32(0.5), np.float32(edges[1] + top) + np.float32(0.5)
+
+
+@njit(error_model="numpy")
+def new_batch():
+    """Return what `fill_batch` fills: parameters and rows of records, words of their blocks, masks of the blocks."""
+    return (
+        np.empty(BATCH * RECORD, np.float32),
+        np.empty(BATCH, np.int32),
+        np.empty(BATCH, np.uint32),
+        np.empty(BLOCKS, np.uint64),
+    )
+
+
+@njit(error_model="numpy")
+def lane_at(x, y):
+    """Return the block and, in it, the lane of the pixel in column x and row y of a tile."""
+    return (y >> 1) * 4 + (x >> 2), (y & 1) * 4 + (x & 3)
+
+
+@njit(error_model="numpy")
+def pixels_of(block):
+    """Return the columns and the rows of a block's pixels in its tile."""
+    x, y = splat(np.float32((block & 3) * 4)), splat(np.float32((block >> 2) * 2))
+    return block_columns() + x, block_rows() + y
 
 
 @njit(error_model="numpy")
@@ -114,38 +154,29 @@ def covered_blocks(records, r, corner_x, corner_y):
 
 
 @njit(error_model="numpy")
-def fill_batch(records, entries, begin, end, corner_x, corner_y, live, batch, rows, words, lists, lengths):
-    """Copy the records `entries[begin:end]` that touch a live block into `batch` and list them by block.
+def fill_batch(records, entries, begin, end, corner_x, corner_y, live, batch, rows, words, masks):
+    """Copy the records `entries[begin:end]` that touch a live block into `batch`; bit k of a block's mask is entry k.
 
-    Two passes: the blocks of all entries first, with no branch that depends on them, then the copies and the lists.
-    In one pass every mispredicted loop end would wait for a whole chain of square roots.
+    No branch depends on a record: every mispredicted one would wait for a whole chain of square roots.
     """
+    count = np.int64(0)
     for k in range(begin, end):
         prefetch(records, np.int64(at(entries, min(k + AHEAD, end - 1))) * RECORD)
-        words[k - begin] = covered_blocks(records, np.int64(at(entries, k)) * RECORD, corner_x, corner_y) & live
-    for block in range(BLOCKS):
-        lengths[block] = 0
-    count = 0
-    for k in range(begin, end):
-        word = at(words, k - begin)
-        if word == 0:
-            continue
         row = np.int64(at(entries, k))
         r, e = row * RECORD, count * RECORD
         dx, dy = corner_x - at(records, r + U), corner_y - at(records, r + V)
         mu, mv, nv = at(records, r + MU), at(records, r + MV), at(records, r + NV)
         store(batch, e, load(records, r))
         store(batch, e + 8, load(records, r + 8))
-        batch[e + M_0] = mu * dx + mv * dy
-        batch[e + N_0] = nv * dy
-        rows[count] = row
-        while word != 0:
-            block = lowest_bit(word)
-            word &= word - np.uint32(1)
-            length = at(lengths, block)
-            lists[block * BATCH + np.int64(length)] = count
-            lengths[block] = length + np.uint32(1)
-        count += 1
+        put(batch, e + M_0, mu * dx + mv * dy)
+        put(batch, e + N_0, nv * dy)
+        put(rows, count, np.int32(row))
+        word = covered_blocks(records, r, corner_x, corner_y) & live
+        put(words, count, word)
+        count += np.int64(word != 0)  # or else the next entry takes its place
+    for k in range(count, BATCH):
+        put(words, k, np.uint32(0))
+    transpose_bits(words, masks)
 
 
 @njit(error_model="numpy")
@@ -163,3 +194,14 @@ def alpha_of(batch, e, pixel_x, pixel_y, log2_alpha_min):
     p = smaller(p * p, splat(ALPHA_CAP))
     # Lanes under the cut-off may hold anything, infinity too, but not after this.
     return select(x >= log2_alpha_min, p, splat(np.float32(0.0)))
+
+
+@njit(error_model="numpy")
+def blended(a, t):
+    """Return the weights of a Gaussian of alpha `a`, the transmittances behind it, and the pixels it stops.
+
+    A pixel that has stopped keeps its transmittance as a negative number; a weight of 0 or less counts for nothing.
+    """
+    w, after = a * t, fma(-a, t, t)
+    stops = after < splat(T_MIN)
+    return select(stops, splat(np.float32(0.0)), w), select(stops, minus_magnitude(t), after), stops

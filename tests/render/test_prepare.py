@@ -12,6 +12,7 @@ from pipeline.render import prepare, render_reference
 from pipeline.render.culling import visible_blocks
 from pipeline.render.lens import Lens
 from pipeline.render.prepare import BLOCK, log2_sigmoid
+from pipeline.render.window import Window
 from pipeline.scene.gaussians import Gaussians
 from tests.render.scenes import UP, gaussians, random_scene
 
@@ -64,7 +65,7 @@ def test_block_culling_keeps_every_block_with_a_visible_gaussian(seed, eye, foca
     view = Camera(K, look_at(np.array(eye) + 1e-3, np.array([0.0, 0, 5.0]), UP), 60, 40)
     seen = np.unique(render_reference(scene, view, ("dominant",)).dominant)
     prepared = prepare(scene)
-    kept = visible_blocks(prepared, view, Lens.of(view), 0.2)
+    kept = visible_blocks(prepared, Lens.of(view), Window.of(view), 0.2)
     kept_ids = prepared.ids.reshape(-1, BLOCK)[kept]
     assert set(seen) - {-1} <= set(kept_ids.ravel().tolist())
 
@@ -75,5 +76,5 @@ def test_block_culling_drops_what_lies_behind() -> None:
     )
     prepared = prepare(gaussians(means))
     view = Camera(np.array([[40.0, 0, 16], [0, 40, 16], [0, 0, 1]]), np.eye(3, 4), 32, 32)
-    kept = visible_blocks(prepared, view, Lens.of(view), 0.2)
+    kept = visible_blocks(prepared, Lens.of(view), Window.of(view), 0.2)
     assert 1 <= len(kept) <= 2
