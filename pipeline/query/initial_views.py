@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -11,10 +12,15 @@ from schemas.questions import Question
 
 
 class InitialViewConfig(BaseModel):
-    """How many clusters, and so frames, a question gets (paper 3.1; frames of its tables: 2.6 to 2.7)."""
+    """How views are scored, and how many clusters a question gets (paper 3.1; frames of its tables: 2.6 to 2.7)."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
+    score: Literal["visibility", "volume"] = Field(
+        default="visibility",
+        description="What the best view shows most of: Gaussians, or their volume sx sy sz alpha "
+        "(paper, ablation of the score function).",
+    )
     max_clusters_eqa: int = Field(
         default=4, ge=1, description="Most clusters of a question to be answered in words, by visible size."
     )
@@ -34,7 +40,7 @@ class InitialView:
     view: int | None
     """Index of the view; None when no view sees the cluster."""
     visibility: float
-    """S_vis from there, 0 to 1."""
+    """The score from there, 0 to 1: S_vis, or the share of the volume."""
     visible: int
     """|G_vis| from there."""
 
@@ -42,13 +48,16 @@ class InitialView:
 def initial_views(counts: VisibilityCounts) -> tuple[InitialView, ...]:
     """Return the arg-max view of each cluster; ties go to the lowest view index.
 
-    A cluster that no view sees (or a scene without views) gets None: it is reported, not lost.
+    A cluster that no view sees (or a scene without views) gets None: it is reported, not lost. By volume that holds
+    also for a cluster of which only flat or transparent Gaussians are seen.
     """
     chosen = []
-    for row, size in zip(counts.visible, counts.sizes, strict=True):
-        best = int(row.argmax()) if len(row) else 0
-        visible = int(row[best]) if len(row) else 0
-        chosen.append(InitialView(best if visible else None, visible / int(size), visible))
+    for row, scores in zip(counts.visible, counts.scores, strict=True):
+        best = int(scores.argmax()) if len(scores) else None
+        if best is None or scores[best] == 0:
+            chosen.append(InitialView(None, 0.0, 0))
+        else:
+            chosen.append(InitialView(best, float(scores[best]), int(row[best])))
     return tuple(chosen)
 
 

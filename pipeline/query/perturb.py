@@ -13,9 +13,10 @@ from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from pipeline.geometry import Camera, look_at
+from pipeline.query.explore_config import ExploreConfig
 from pipeline.render import PreparedGaussians, render
 from pipeline.scene.gaussians import Gaussians
 
@@ -55,8 +56,15 @@ class NovelViewConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    count: Literal[0, 1, 2, 4, 8] = Field(
-        default=4, description="V, novel views per cluster; 0 keeps the initial view alone."
+    policy: Literal["perturb", "explore"] = Field(
+        default="perturb",
+        description="perturb: the paper's moves. explore: the best poses of free space, see docs/novel_views.md.",
+    )
+    count: int = Field(
+        default=4,
+        ge=0,
+        le=8,
+        description="V, novel views per cluster; 0 keeps the initial view alone. Moves are known for 1, 2, 4 and 8.",
     )
     distance_m: float = Field(default=0.3, gt=0, description="Length of a move, metres (not given in the paper).")
     turn_deg: float = Field(
@@ -67,6 +75,13 @@ class NovelViewConfig(BaseModel):
     )
     clearance_m: float = Field(default=0.1, gt=0, description="Least distance kept from surfaces along a move, metres.")
     avoid_surfaces: bool = Field(default=True, description="Shorten moves that would end in or behind a surface.")
+    explore: ExploreConfig = Field(default_factory=ExploreConfig, description="The search, with policy explore.")
+
+    @model_validator(mode="after")
+    def _count_has_moves(self) -> NovelViewConfig:
+        if self.policy == "perturb" and self.count not in MOVES:
+            raise ValueError(f"count: expected one of {', '.join(map(str, MOVES))} with policy perturb")
+        return self
 
     @property
     def moves(self) -> tuple[Move, ...]:
@@ -76,16 +91,16 @@ class NovelViewConfig(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class NovelPose:
-    """One perturbed pose."""
+    """One novel pose."""
 
-    move: Move
-    """How it was moved."""
+    move: str
+    """How it was moved, or explore_1, explore_2, ... in the order they were chosen."""
     camera: Camera
     """The initial view's lens at the new pose."""
     requested_m: float
-    """Length asked for, metres."""
+    """Length asked for, metres; that of the move made where the pose was searched for."""
     moved_m: float
-    """Length of the move made, metres."""
+    """Distance from the initial view, metres."""
 
 
 def perturbed_pose(
@@ -191,6 +206,12 @@ def novel_poses(
         moved = perturbed_pose(camera, move, free[move], config.turn_deg, target, up)
         poses.append(NovelPose(move, moved, config.distance_m, free[move]))
     return tuple(poses)
+
+
+def explored_pose(number: int, initial: Camera, camera: Camera) -> NovelPose:
+    """Return a pose that was searched for as the `number`-th novel view of a cluster, counted from 1."""
+    moved = float(np.linalg.norm(camera.center - initial.center))
+    return NovelPose(f"explore_{number}", camera, moved, moved)
 
 
 def _level_frame(

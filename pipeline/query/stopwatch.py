@@ -23,10 +23,10 @@ class StageTime:
 
 
 class Stopwatch:
-    """Collects the times of one question's stages, in the order in which they ended."""
+    """Collects the times of one question's stages, in the order in which they first ended; repeats add up."""
 
     def __init__(self) -> None:
-        self._times: list[StageTime] = []
+        self._times: dict[tuple[str, bool], StageTime] = {}
 
     @contextmanager
     def stage(self, name: str, count: int = 0, *, whole_scene: bool = False) -> Iterator[None]:
@@ -35,8 +35,10 @@ class Stopwatch:
         try:
             yield
         finally:
-            self._times.append(StageTime(name, time.perf_counter() - start, count, whole_scene))
+            old = self._times.get((name, whole_scene), StageTime(name, 0.0, 0, whole_scene))
+            seconds = old.seconds + time.perf_counter() - start
+            self._times[name, whole_scene] = StageTime(name, seconds, old.count + count, whole_scene)
 
     def times(self) -> tuple[StageTime, ...]:
         """Return what was timed so far."""
-        return tuple(self._times)
+        return tuple(self._times.values())

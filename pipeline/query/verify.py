@@ -8,6 +8,7 @@ from functools import partial
 from pipeline.models.caller import Caller
 from pipeline.models.replies import parse_index
 from pipeline.query.ask_all import ask_all
+from pipeline.query.savings import EQUAL_ANSWERS, Savings
 from schemas.calls import CallRow
 from schemas.questions import Question
 
@@ -21,6 +22,7 @@ async def verify_answers(
     subjects: Sequence[str],
     caller: Caller,
     calls: list[CallRow],
+    savings: Savings | None,
 ) -> list[int | None]:
     """Return for each (initial answer, final answer) which one stands, 0 or 1; None when it could not be read.
 
@@ -33,8 +35,11 @@ async def verify_answers(
         subjects: What each pair is about, for the rows.
         caller: Sends the calls.
         calls: Where the rows are appended.
+        savings: Counts the pairs not asked about; None to ask about all.
     """
-    open_pairs = [number for number, (initial, final) in enumerate(pairs) if initial != final]
+    open_pairs = [number for number, (first, last) in enumerate(pairs) if savings is None or first != last]
+    if savings is not None:
+        savings.add("verify", EQUAL_ANSWERS, len(pairs) - len(open_pairs))
     asks = [
         caller.ask(
             "verify",

@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
 from pipeline.geometry import Camera, look_at
 from pipeline.query.perturb import (
     MOVES,
     Move,
     NovelViewConfig,
+    explored_pose,
     free_distance,
     move_direction,
     novel_poses,
@@ -190,6 +192,22 @@ def test_v_poses_come_in_the_order_of_the_moves(count: int) -> None:
     poses = novel_poses(FAR, _camera(), TARGET, UP, config)
     assert tuple(pose.move for pose in poses) == config.moves
     assert len(poses) == count
+
+
+@pytest.mark.parametrize("count", [3, 5, 9, -1])
+def test_counts_without_moves_are_refused(count: int) -> None:
+    with pytest.raises(ValidationError, match="count"):
+        NovelViewConfig(count=count)
+
+
+def test_a_search_takes_any_count_up_to_eight() -> None:
+    assert NovelViewConfig(policy="explore", count=3).count == 3
+
+
+def test_explored_pose_tells_its_distance_from_the_initial_view() -> None:
+    camera = camera_at((0, 0, 1), (0, 3, 1))
+    pose = explored_pose(2, camera, camera_at((3, 4, 1), (0, 3, 1)))
+    assert (pose.move, pose.requested_m, pose.moved_m) == ("explore_2", 5.0, 5.0)
 
 
 def test_four_moves_are_those_of_the_paper() -> None:

@@ -14,6 +14,14 @@ def test_stages_are_kept_in_the_order_in_which_they_end_with_their_counts() -> N
     assert 0 <= inner.seconds <= outer.seconds
 
 
+def test_a_stage_timed_again_adds_up_in_its_first_place() -> None:
+    watch = Stopwatch()
+    for name, count in (("answer", 2), ("verify", 1), ("answer", 3)):
+        with watch.stage(name, count):
+            pass
+    assert [(t.stage, t.count) for t in watch.times()] == [("answer", 5), ("verify", 1)]
+
+
 def test_a_stage_that_raises_is_timed() -> None:
     watch = Stopwatch()
     with pytest.raises(ValueError, match="no"), watch.stage("failing"):

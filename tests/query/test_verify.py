@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import asyncio
 
+from pipeline.query.savings import Saved, Savings
 from pipeline.query.verify import FINAL, INITIAL, verify_answers
 from schemas.calls import CallRow
 from schemas.questions import Question
@@ -12,7 +13,8 @@ QUESTION = Question("q", "tiny", "eqa", "What is on the table?")
 
 def _verify(client: Scripted, pairs: list[tuple[str, str]]) -> list[int | None]:
     calls: list[CallRow] = []
-    return asyncio.run(verify_answers(QUESTION, pairs, [f"p{i}" for i in range(len(pairs))], caller_of(client), calls))
+    subjects = [f"p{i}" for i in range(len(pairs))]
+    return asyncio.run(verify_answers(QUESTION, pairs, subjects, caller_of(client), calls, Savings()))
 
 
 def test_initial_answer_is_candidate_0_and_final_answer_candidate_1() -> None:
@@ -23,9 +25,13 @@ def test_initial_answer_is_candidate_0_and_final_answer_candidate_1() -> None:
 
 
 def test_equal_answers_keep_the_initial_one_and_ask_nothing() -> None:
-    client = Scripted({})
-    assert _verify(client, [("A cup.", "A cup.")]) == [INITIAL]
+    client, savings = Scripted({}), Savings()
+    pairs = [("A cup.", "A cup.")]
+    assert asyncio.run(verify_answers(QUESTION, pairs, ["p"], caller_of(client), [], savings)) == [INITIAL]
     assert not client.requests
+    assert savings.entries() == (Saved("verify", "equal answers", 1),)
+    assert asyncio.run(verify_answers(QUESTION, pairs, ["p"], caller_of(client), [], None)) == [FINAL]
+    assert client.count("verify") == 1
 
 
 def test_several_pairs_are_verified_one_by_one_in_order() -> None:

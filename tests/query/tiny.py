@@ -19,7 +19,7 @@ from pipeline.scene.views import View
 
 UP = np.array([0.0, 0.0, 1.0])
 VOCABULARY = ("chair", "table", "wall", "zebra")
-STAGES = ("evidence", "view_answer", "choice", "verify", "answer_one", "answer_many", "judge")
+STAGES = ("evidence", "view_answer", "choice", "verify", "answer_one", "answer_many", "judge", "caption")
 
 
 def gaussians_at(means: np.ndarray, scale_m: float = 0.06, opacity_logit: float = 3.0, seed: int = 0) -> Gaussians:
@@ -109,6 +109,7 @@ DEFAULT_REPLIES: Mapping[str, Callable[[Request], str] | str] = {
     "answer_one": lambda request: f"Image 0\nseen {sum(int(i.color.astype(int).sum()) for i in request.images())}",
     "answer_many": lambda request: "\n".join(f"Image {i}: Yes" for i in range(len(request.images()))),
     "judge": "Your mark: 4",
+    "caption": "A chair stands beside a table.",
 }
 
 
