@@ -12,15 +12,16 @@ from pathlib import Path
 
 import pandas as pd
 
+from jobs.cluster_scores import cluster_summary
 from jobs.scores import STATUSES, Options, compare, in_order, score_rows, summarise
 
 STAGES = (
-    *("load", "index", "evidence", "activate", "cluster", "visibility", "perturb", "render"),
-    *("view_answer", "choice", "answer", "verify", "ground", "judge"),
+    *("load", "index", "space", "evidence", "activate", "cluster", "visibility", "perturb", "explore"),
+    *("render", "quality", "view_answer", "choice", "answer", "verify", "ground", "cluster_quality", "judge"),
 )
 """Stages in the order of the method; others follow by name."""
 
-NEEDED = ("answers", "arms", "calls", "timings")
+NEEDED = ("answers", "arms", "clusterings", "calls", "timings")
 """Tables of a run that metrics are made from."""
 
 
@@ -43,7 +44,7 @@ def aggregate_tables(tables: Mapping[str, pd.DataFrame], options: Options | None
     """Return metrics as tables, tidy: one row a group and metric.
 
     Args:
-        tables: `answers`, `arms`, `calls` and `timings`, with the columns of their records.
+        tables: `answers`, `arms`, `clusterings`, `calls` and `timings`, with the columns of their records.
         options: Thresholds, level and draws.
 
     Returns:
@@ -52,6 +53,7 @@ def aggregate_tables(tables: Mapping[str, pd.DataFrame], options: Options | None
             questions, `low_questions` and `high_questions` from the plain one over questions; counts by status.
         differences: the same for pairs of arms on the questions scored in both, with the p value of a permutation
             test over questions and the questions gained, lost and tied.
+        clusters_by_category, clusters_by_scene: how clusters meet ground-truth instances, see `cluster_summary`.
         outcomes: questions by status and reason.
         calls: calls, tokens and seconds of the models by stage.
         timings: seconds by stage.
@@ -67,6 +69,8 @@ def aggregate_tables(tables: Mapping[str, pd.DataFrame], options: Options | None
         "differences": compare(scores, options),
         "by_category": summarise(scores, ["method", "task", "category", "arm"], options),
         "by_scene": summarise(scores, ["method", "task", "scene", "arm"], options),
+        "clusters_by_category": cluster_summary(tables["clusterings"], "category"),
+        "clusters_by_scene": cluster_summary(tables["clusterings"], "scene"),
         "outcomes": _outcomes(tables["answers"]),
         "calls": _calls(tables["calls"], questions),
         "timings": _timings(tables["timings"], questions, int(tables["answers"]["scene"].nunique())),

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import typer
 
-from jobs.verbs import aggregate, build, check, demo, render, report, resume, status, submit
+from jobs.verbs import aggregate, build, check, demo, index, render, report, resume, status, submit
 from schemas.errors import InputError, SplatReasonerError
 
 app = typer.Typer(
@@ -25,6 +25,7 @@ VERBS: dict[str, Callable[..., None]] = {
     "build": build.build,
     "check": check.check,
     "render": render.render,
+    "index": index.index,
     "submit": submit.submit,
     "resume": resume.resume,
     "status": status.status,

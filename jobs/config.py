@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 
 from jobs.yaml_file import read_yaml
 from pipeline.config import MethodConfig
+from pipeline.models.budget import BudgetConfig
 from pipeline.models.config import ModelConfig
 from schemas import storage
 from schemas.errors import InputError
@@ -66,6 +67,20 @@ class JobConfig(BaseModel):
     calls: str | None = Field(
         None, description="folder of stored model replies, local; runs may share one; null takes calls/ in the run"
     )
+    visibility: str | None = Field(
+        None,
+        description="folder of the visibility index, a path or URI; runs may share one; null takes visibility/ in the "
+        "run",
+    )
+    cache: Literal["on", "off", "replay"] = Field(
+        "on",
+        description="stored model replies: on: used and kept; off: neither; replay: nothing else is used, no call is "
+        "sent, and a question whose reply is not stored fails",
+    )
+    budget: BudgetConfig = Field(
+        default_factory=BudgetConfig,
+        description="hard caps on what the run may spend; at a cap it ends and can be resumed with a higher one",
+    )
     images: bool = Field(True, description="keep a thumbnail of every view that was considered, for the report")
     method: MethodConfig = Field(default_factory=MethodConfig, description="the method's stages and their settings")
     models: ModelConfig = Field(default_factory=ModelConfig, description="the models and which stage asks which")
@@ -82,9 +97,22 @@ class JobConfig(BaseModel):
             raise ValueError("calls must name a local folder when the output is not local")
         return self
 
+    @model_validator(mode="after")
+    def _money_has_prices(self) -> JobConfig:
+        free = [name for name in self.models.remote_endpoints() if self.models.endpoints[name].price is None]
+        if self.budget.usd is not None and free:
+            raise ValueError(
+                f"budget.usd needs usd_per_million_prompt and usd_per_million_completion of endpoint {free[0]}"
+            )
+        return self
+
     def calls_folder(self) -> str:
         """Return the folder of stored model replies."""
         return self.calls if self.calls is not None else storage.join(self.output, "calls")
+
+    def visibility_folder(self) -> str:
+        """Return the folder of the visibility index."""
+        return self.visibility if self.visibility is not None else storage.join(self.output, "visibility")
 
 
 def load_job(path: str | Path) -> JobConfig:
@@ -96,7 +124,7 @@ def load_job(path: str | Path) -> JobConfig:
     """
     found = read_yaml(path)
     folder = Path(path).resolve().parent
-    for field in ("output", "questions", "scenes", "calls"):
+    for field in ("output", "questions", "scenes", "calls", "visibility"):
         if field in found and not (field == "questions" and found[field] == IN_SCENE):
             found[field] = _anchored(found[field], folder)
     models = found.get("models")

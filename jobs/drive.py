@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+import uuid
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from jobs.config import JobConfig, WorkersConfig
@@ -17,6 +19,9 @@ from schemas.run_folder import RunFolder
 from schemas.tables import TABLES
 from workers.dispatch import Backend, Limits, Outcome, dispatch
 from workers.steps import Steps, Tables, Work
+
+JOURNALS = "journals"
+"""Folder, beside stored replies, of what the calls of each run cost."""
 
 QUESTIONS_PER_CPU = 4
 """Questions in flight a CPU slot: each spends most of its time waiting for a model or another step."""
@@ -63,12 +68,28 @@ def drive(
     progress.begin(planned, before)
     committed, failed = before, 0
     if before < planned:
-        work = Work(config.method, config.models, config.calls_folder(), run.root if config.images else "")
+        work = Work(
+            config.method,
+            config.models,
+            config.calls_folder(),
+            config.visibility_folder(),
+            run.root if config.images else "",
+            config.cache,
+            config.budget,
+            journals=str(Path(config.calls_folder(), JOURNALS, run.identity())),
+            session=uuid.uuid4().hex,
+        )
+
+        def note(kind: str, **details: Any) -> None:
+            events.note(kind, **details)
+            if kind == "damaged":
+                progress.say(f"rendered again, since a part is damaged: {details['message']}")
+
         pending = (unit for unit in run.units() if unit.id not in done)
         gathering: dict[str, list[Tables | None]] = {}
-        with _backend(work, steps, config.workers) as (backend, limits):
+        with _backend(work, steps, config.workers, note) as (backend, limits):
             stopping.catch()
-            for outcome in dispatch(pending, backend, limits, should_stop=stopping, note=events.note):
+            for outcome in dispatch(pending, backend, limits, should_stop=stopping, note=note):
                 failed += bool(outcome.error)
                 progress.advance(outcome.error)
                 unit = outcome.unit
@@ -116,13 +137,15 @@ def _merged(gathered: list[Tables | None]) -> dict[str, list[Any]]:
 
 
 @contextmanager
-def _backend(work: Work, steps: Steps, config: WorkersConfig) -> Iterator[tuple[Backend[Any], Limits]]:
+def _backend(
+    work: Work, steps: Steps, config: WorkersConfig, note: Callable[..., None]
+) -> Iterator[tuple[Backend[Any], Limits]]:
     """Give the backend that a config asks for, and its bounds."""
     cpus = config.cpus or len(os.sched_getaffinity(0))
     if config.in_process:
         from workers.in_process import InProcess
 
-        local = InProcess(work, steps)
+        local = InProcess(work, steps, note)
         try:
             yield local, _limits(config, 1)
         finally:
@@ -134,7 +157,8 @@ def _backend(work: Work, steps: Steps, config: WorkersConfig) -> Iterator[tuple[
         from workers.ray_backend import OnRay
 
         limits = _limits(config, slots)
-        spread = OnRay(work, steps, model_actors=config.model_actors, in_flight=limits.in_flight, slots=slots)
+        actors = config.model_actors
+        spread = OnRay(work, steps, model_actors=actors, in_flight=limits.in_flight, slots=slots, note=note)
         try:
             yield spread, limits
         finally:

@@ -51,7 +51,7 @@ def basis_of(config: JobConfig) -> Basis:
     """
     return Basis(
         method=config.method.model_dump(mode="json"),
-        models=_identities(config.models),
+        models=_identities(config.models, offline=config.cache == "replay"),
         asks=config.models.max_asks,
         prompts=Prompts.load(config.models.prompts).hashes(),
         stages=STAGES,
@@ -90,6 +90,6 @@ def content_id(content: Any) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _identities(models: ModelConfig) -> dict[str, Any]:
-    clients = make_clients(models)
+def _identities(models: ModelConfig, *, offline: bool) -> dict[str, Any]:
+    clients = make_clients(models, offline=offline)
     return {stage: dict(clients[stage].identity()) for stage in MODEL_STAGES}

@@ -19,7 +19,7 @@ class Progress(Protocol):
     """Told how a run goes."""
 
     def begin(self, total: int, done: int) -> None:
-        """A run of `total` questions begins, `done` of them committed before."""
+        """A run of `total` questions, or other items, begins, `done` of them committed before."""
         ...
 
     def advance(self, error: str) -> None:
@@ -56,10 +56,11 @@ class Lines:
 
     Args:
         clock: Seconds that only grow.
+        items: What is counted.
     """
 
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        self._clock = clock
+    def __init__(self, clock: Callable[[], float] = time.monotonic, items: str = "questions") -> None:
+        self._clock, self._items = clock, items
         self._total = self._done = self._timed = 0
         self._errors: Counter[str] = Counter()
         self._first = self._spoke = clock()
@@ -68,7 +69,7 @@ class Lines:
         """Say how much there is to do."""
         self._total, self._done, self._timed = total, done, 0
         self._spoke = self._clock()
-        self.say(f"{total} questions" + (f", {done} done before" if done else ""))
+        self.say(f"{total} {self._items}" + (f", {done} done before" if done else ""))
 
     def advance(self, error: str) -> None:
         """Say now and then how far it is."""
@@ -83,7 +84,7 @@ class Lines:
         if now - self._spoke >= LINE_S or self._done == self._total:
             self._spoke = now
             errors = f", {self._errors.total()} failed" if self._errors else ""
-            self.say(f"{self._done}/{self._total} questions{self._rate(now)}{errors}")
+            self.say(f"{self._done}/{self._total} {self._items}{self._rate(now)}{errors}")
 
     def _rate(self, now: float) -> str:
         if self._timed < 2 or now <= self._first:
@@ -98,13 +99,18 @@ class Lines:
     def end(self) -> None:
         """Say which errors there were."""
         if self._errors:
-            self.say("failed questions: " + ", ".join(f"{kind} {n}" for kind, n in self._errors.most_common()))
+            self.say(f"failed {self._items}: " + ", ".join(f"{kind} {n}" for kind, n in self._errors.most_common()))
 
 
 class Bar:
-    """A bar with rate and time left, on a terminal."""
+    """A bar with rate and time left, on a terminal.
 
-    def __init__(self) -> None:
+    Args:
+        items: What is counted.
+    """
+
+    def __init__(self, items: str = "questions") -> None:
+        self._items = items
         self._bar: RichProgress | None = None
         self._errors: Counter[str] = Counter()
 
@@ -121,7 +127,7 @@ class Bar:
         )
 
         self._bar = Progress(
-            TextColumn("questions"),
+            TextColumn(self._items),
             BarColumn(),
             MofNCompleteColumn(),
             TimeElapsedColumn(),
@@ -130,7 +136,7 @@ class Bar:
             TextColumn("{task.fields[failed]}"),
             console=Console(stderr=True),
         )
-        self._task = self._bar.add_task("questions", total=total, completed=done, failed="")
+        self._task = self._bar.add_task(self._items, total=total, completed=done, failed="")
         self._bar.start()
 
     def advance(self, error: str) -> None:
@@ -154,9 +160,9 @@ class Bar:
             self._bar.stop()
             self._bar = None
         if self._errors:
-            self.say("failed questions: " + ", ".join(f"{kind} {n}" for kind, n in self._errors.most_common()))
+            self.say(f"failed {self._items}: " + ", ".join(f"{kind} {n}" for kind, n in self._errors.most_common()))
 
 
-def for_terminal() -> Progress:
-    """Return the bar where standard error is a terminal, else plain lines."""
-    return Bar() if sys.stderr.isatty() else Lines()
+def for_terminal(items: str = "questions") -> Progress:
+    """Return the bar where standard error is a terminal, else plain lines; `items` says what is counted."""
+    return Bar(items) if sys.stderr.isatty() else Lines(items=items)

@@ -54,6 +54,8 @@ def make_sheets(tables: Mapping[str, pd.DataFrame]) -> list[Sheet]:
         _denominators(arms[arms["metric"].isin(MAIN_METRICS)]),
         *(_grouped(tables["by_category"], str(task), "category", "Category") for task in TASK_NAMES),
         *(_grouped(tables["by_scene"], str(task), "scene", "Scene") for task in TASK_NAMES),
+        _clusters(tables["clusters_by_category"], "category", "Category"),
+        _clusters(tables["clusters_by_scene"], "scene", "Scene"),
         _outcomes(tables["outcomes"]),
         _calls(tables["calls"]),
         _timings(tables["timings"]),
@@ -225,6 +227,29 @@ def _grouped(summary: pd.DataFrame, task: str, by: str, header: str) -> Sheet:
         note += f" The first {SCENES_SHOWN} of {len(rows)} scenes."
         rows = rows[:SCENES_SHOWN]
     return Sheet(f"{by}-{task}", f"{TASK_NAMES[task]}: {metric} by {by}", note, columns, tuple(rows), len(first) + 1)
+
+
+def _clusters(summary: pd.DataFrame, by: str, header: str) -> Sheet:
+    """Rows with ground truth only: all of them, then the least well clustered first."""
+    part = summary[summary["scored"] > 0]
+    whole, groups = part[part[by] == "all"], part[part[by] != "all"].sort_values("ari", kind="stable")
+    rows = tuple(
+        (
+            str(row[by]),
+            _number(row["ari"], 3),
+            *(f"{row[name]:,}" for name in ("clusters", "instances", "matched", "over_split", "under_split")),
+            "–" if pd.isna(row["dropped"]) else f"{row['dropped']:.1%}",
+            f"{row['scored']} of {row['clusterings']}",
+        )
+        for row in [*whole.to_dict("records"), *groups.head(SCENES_SHOWN).to_dict("records")]
+    )
+    note = "Clusters against ground-truth instances, each scene and evidence category once. ARI: mean adjusted Rand "
+    note += "index, 1 is perfect. matched: instances with a cluster of IoU above 0.5. split: instances in several "
+    note += "clusters. merged: clusters over several instances. dropped: Gaussians in none."
+    if len(groups) > SCENES_SHOWN:
+        note += f" The {SCENES_SHOWN} with the lowest ARI of {len(groups)}."
+    columns = (header, "ARI", "clusters", "instances", "matched", "split", "merged", "dropped", "scored")
+    return Sheet(f"{by}-clusters", f"Cluster quality by {by}", note, columns, rows, 1)
 
 
 def _outcomes(outcomes: pd.DataFrame) -> Sheet:

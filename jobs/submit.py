@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import uuid
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -19,8 +20,9 @@ from jobs.progress import Progress, Silent
 from jobs.results import write_results
 from jobs.signals import Stopping
 from jobs.versions import package_versions, source_commit
+from pipeline.models.gate import BudgetError
 from schemas import storage
-from schemas.errors import InputError
+from schemas.errors import InputError, StopError
 from schemas.manifest import committed_units
 from schemas.plan import PLAN_FILE, encode_plan
 from schemas.run_folder import RunFolder
@@ -71,7 +73,14 @@ def submit(
                 expected="an empty folder or a run of this very job",
                 found=f"a run of {len(planned)} other units: name another output, or remove it",
             )
-        return resume(config.output, steps=steps, progress=progress, workers=config.workers.model_dump(mode="json"))
+        return resume(
+            config.output,
+            steps=steps,
+            progress=progress,
+            workers=config.workers.model_dump(mode="json"),
+            budget=config.budget.model_dump(mode="json"),
+            cache=config.cache,
+        )
     with RunLock(folder.root):
         plan = encode_plan(units)
         storage.write_bytes_atomic(folder.uri(PLAN_FILE), plan)
@@ -85,6 +94,8 @@ def resume(
     steps: Steps = METHOD_STEPS,
     progress: Progress | None = None,
     workers: dict[str, Any] | None = None,
+    budget: dict[str, Any] | None = None,
+    cache: str | None = None,
 ) -> RunResult:
     """Do what a run still lacks, from its folder alone.
 
@@ -93,6 +104,8 @@ def resume(
         steps: The method; tests put fakes here.
         progress: Who is told how it goes; None for nobody.
         workers: Fields of `workers` to change, such as {"cpus": 8}; they change no answer.
+        budget: Fields of `budget` to change, such as {"usd": 20}.
+        cache: What to do with stored replies: on, off or replay; None for what the job says.
 
     Raises:
         InputError: There is no such run, or a scene, a prompt, a model or a stage's code has changed since it was
@@ -101,7 +114,8 @@ def resume(
     """
     folder = RunFolder(str(run))
     found = folder.read_run()
-    config = _stored_config(folder, found, workers or {})
+    changes = {"workers": workers or {}, "budget": budget or {}}
+    config = _stored_config(folder, found, changes, cache)
     _refuse_changes(folder, config, found)
     with RunLock(folder.root):
         return _work(folder, config, steps, progress or Silent())
@@ -112,6 +126,9 @@ def _work(folder: RunFolder, config: JobConfig, steps: Steps, progress: Progress
     try:
         with Stopping(lambda: progress.say("stopping: waiting for the questions in flight")) as stopping:
             driven = drive(folder, config, steps, events, progress, stopping)
+    except BudgetError as error:
+        raise StopError(f"{error}: splatreasoner resume {folder.root}") from None
+    else:
         if driven.complete:
             write_results(folder.root)
     finally:
@@ -123,6 +140,7 @@ def _work(folder: RunFolder, config: JobConfig, steps: Steps, progress: Progress
 def _run_content(config: JobConfig, plan: bytes, units: int) -> dict[str, Any]:
     return {
         "format": FORMAT,
+        "id": uuid.uuid4().hex,
         "name": config.name,
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "config": config.model_dump(mode="json"),
@@ -133,7 +151,9 @@ def _run_content(config: JobConfig, plan: bytes, units: int) -> dict[str, Any]:
     }
 
 
-def _stored_config(folder: RunFolder, found: dict[str, Any], workers: dict[str, Any]) -> JobConfig:
+def _stored_config(
+    folder: RunFolder, found: dict[str, Any], changes: dict[str, dict[str, Any]], cache: str | None
+) -> JobConfig:
     subject = folder.uri("run.json")
     for field in ("config", "basis", "plan"):
         if not isinstance(found.get(field), dict):
@@ -143,7 +163,9 @@ def _stored_config(folder: RunFolder, found: dict[str, Any], workers: dict[str, 
     stored = dict(found["config"])
     # The folder may have been moved since: it is where it is.
     stored["output"] = folder.root
-    stored["workers"] = {**stored.get("workers", {}), **workers}
+    for section, fields in changes.items():
+        stored[section] = {**stored.get(section, {}), **fields}
+    stored["cache"] = cache or stored.get("cache", "on")
     return checked_job(stored, subject)
 
 

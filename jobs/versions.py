@@ -8,16 +8,16 @@ from importlib import metadata
 from pathlib import Path
 
 STAGES = {
-    "evidence": 1,
+    "evidence": 2,
     "activate": 1,
-    "cluster": 1,
+    "cluster": 2,
     "visibility": 1,
     "initial_views": 1,
     "perturb": 1,
     "render": 1,
-    "judge": 1,
-    "verify": 1,
-    "answer": 1,
+    "judge": 2,
+    "verify": 2,
+    "answer": 2,
     "ground": 1,
     "symbolic": 1,
     "scores": 1,

@@ -49,6 +49,10 @@ class AnswerRow:
     """Views given to the model for the final answer."""
     model: str
     """Models by stage, such as "symbolic"; symbolic is not a VLM and every row says so."""
+    calls_saved: int = 0
+    """Model calls not made, against asking everything (docs/decisions/0002)."""
+    saved: tuple[str, ...] = ()
+    """Those calls as "stage: reason: calls"."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +99,7 @@ class ArmRow:
 
 ANSWERS = TableSpec(
     name="answers",
-    version=1,
+    version=2,
     record=AnswerRow,
     key=("method", "question_id"),
     columns={
@@ -116,6 +120,8 @@ ANSWERS = TableSpec(
         "arm": "string",
         "frames": "int32",
         "model": "string",
+        "calls_saved": "int32",
+        "saved": "list<string>",
     },
 )
 

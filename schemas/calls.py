@@ -16,7 +16,7 @@ class CallRow:
     scene: str
     """Scene."""
     stage: str
-    """evidence, view_answer, choice, verify, answer, judge."""
+    """evidence, view_answer, choice, verify, answer, judge; caption in baselines."""
     subject: str
     """What it was about: a candidate id, a cluster, an arm; empty for the question itself."""
     key: str
@@ -56,7 +56,7 @@ class TimingRow:
     scene: str
     """Scene."""
     stage: str
-    """load, index, evidence, activate, cluster, visibility, perturb, render, view_answer, choice, answer, ..."""
+    """load, prepare, index_read, index, index_join, evidence, activate, cluster, visibility, perturb, render, ..."""
     seconds: float
     """Wall seconds."""
     count: int

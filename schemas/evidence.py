@@ -46,7 +46,7 @@ class CandidateRow:
     candidate: str
     """Candidate id: the recorded view's name, or "<view>/<cluster>/<move>" for a novel one."""
     move: str
-    """initial, left, right, forward, backward, ..."""
+    """initial, left, right, forward, backward, ..., or explore_1, explore_2, ..."""
     world_to_camera: tuple[float, ...]
     """Pose, 12 numbers row by row, metres."""
     requested_m: float
@@ -54,7 +54,21 @@ class CandidateRow:
     moved_m: float
     """Length of the move made; shorter when a surface was in the way."""
     visibility: float
-    """S_vis of the cluster from here, 0 to 1."""
+    """S_vis of the cluster from here at the pictures' size, 0 to 1."""
+    area: float
+    """Share of the image's pixels whose dominant Gaussian is in the cluster, 0 to 1."""
+    centring: float
+    """Distance of those pixels' centroid from the image's centre: 0 there, 1 in a corner or without pixels."""
+    truncation: float
+    """Share of the cluster's centres outside the image or behind it, whether or not anything hides them."""
+    touches_border: bool
+    """Whether those pixels reach the border of the image."""
+    new_gaussians: int
+    """Gaussians of the cluster visible here and not in the initial view."""
+    unobserved: float | None
+    """Share of pixels that are less than half opaque or whose surface no recorded view saw; null when unknown."""
+    floaters: float | None
+    """Share of pixels whose surface one recorded view alone saw; null when unknown."""
     source: str
     """photo or render: what the model was shown."""
     answer: str | None
@@ -84,7 +98,7 @@ CLUSTERS = TableSpec(
 
 CANDIDATES = TableSpec(
     name="candidates",
-    version=1,
+    version=2,
     record=CandidateRow,
     key=("question_id", "cluster", "candidate"),
     columns={
@@ -97,6 +111,13 @@ CANDIDATES = TableSpec(
         "requested_m": "float64",
         "moved_m": "float64",
         "visibility": "float64",
+        "area": "float64",
+        "centring": "float64",
+        "truncation": "float64",
+        "touches_border": "bool",
+        "new_gaussians": "int64",
+        "unobserved": "float64?",
+        "floaters": "float64?",
         "source": "string",
         "answer": "string?",
         "chosen": "bool",

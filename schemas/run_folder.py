@@ -4,7 +4,8 @@ run.json        resolved configuration, versions, hash of the plan; written afte
 plan.parquet    every planned question
 <table>/        parts, named by unit and content
 manifests/      one JSON per committed unit
-calls/          cache of model calls
+calls/          cache of model calls, and journals of what they cost
+visibility/     rows of the visibility index, unless the job names another folder
 images/         thumbnails of the views that were considered
 results/        answers.parquet and arms.parquet, whole, written by `aggregate`
 events.jsonl    what happened, a line each
@@ -67,6 +68,12 @@ class RunFolder:
         if not isinstance(found, dict):
             raise InputError(uri, expected="a JSON object", found=type(found).__name__)
         return found
+
+    def identity(self) -> str:
+        """Return what tells this run from all others, wherever its folder is moved to."""
+        found = self.read_run()
+        known = found.get("id") or f"{found.get('created')} {found.get('plan')}"
+        return hashlib.sha256(str(known).encode()).hexdigest()[:32]
 
     def write_run(self, content: Mapping[str, Any]) -> None:
         """Write run.json."""

@@ -6,12 +6,13 @@ from typing import Any
 
 from schemas.answers import ANSWERS, ARMS
 from schemas.calls import CALLS, REGIONS, TIMINGS
+from schemas.clusterings import CLUSTERINGS
 from schemas.errors import InputError
 from schemas.evidence import CANDIDATES, CLUSTERS
 from schemas.table import TableSpec
 
 TABLES: dict[str, TableSpec[Any]] = {
-    spec.name: spec for spec in (ANSWERS, ARMS, CLUSTERS, CANDIDATES, REGIONS, CALLS, TIMINGS)
+    spec.name: spec for spec in (ANSWERS, ARMS, CLUSTERINGS, CLUSTERS, CANDIDATES, REGIONS, CALLS, TIMINGS)
 }
 """Tables by name. `calls` and `timings` hold what differs between runs; the others do not."""
 

@@ -32,6 +32,7 @@ HOMES = {
     "torch": lambda path: path.parts[:2] == ("pipeline", "construct"),
     "openai": lambda path: path.stem == "endpoint",
     "httpx": lambda path: path.stem == "endpoint",
+    "httpx2": lambda path: path.stem == "endpoint",
     "typer": lambda path: path.parts[0] == "jobs",
     "rich": lambda path: path.parts[0] == "jobs",
 }

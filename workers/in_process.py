@@ -7,15 +7,28 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from schemas.calls import TimingRow
 from schemas.plan import PlannedUnit
 from schemas.questions import Question
 from workers.contexts import Recent
+from workers.limiter import gates, local_authorities
 from workers.steps import Steps, Tables, Work
 from workers.thumbnails import save_thumbnails
+
+
+@dataclass(slots=True)
+class _Opened:
+    """What a scene's questions share."""
+
+    context: Any
+    vocabulary: Any
+    unstored: Any
+    times: tuple[TimingRow, ...]
+    """Of work done once the scene; empty once a question's records have them."""
 
 
 class InProcess:
@@ -24,14 +37,14 @@ class InProcess:
     Args:
         work: What the run needs.
         steps: The functions of a question.
+        note: Told what happened, as a kind and details: "damaged".
     """
 
-    def __init__(self, work: Work, steps: Steps) -> None:
-        self._work, self._steps = work, steps
+    def __init__(self, work: Work, steps: Steps, note: Callable[..., None] = lambda kind, **details: None) -> None:
+        self._work, self._steps, self._note = work, steps, note
         self._loop = asyncio.new_event_loop()
-        self._caller = steps.make_caller(work)
-        self._scenes: Recent[tuple[Any, Any]] = Recent()
-        self._times: dict[str, TimingRow] = {}
+        self._caller = steps.make_caller(work, gates(local_authorities(work)))
+        self._scenes: Recent[_Opened] = Recent()
 
     def submit(self, unit: PlannedUnit, question: Question) -> asyncio.Task[Tables]:
         """Start a question."""
@@ -66,24 +79,37 @@ class InProcess:
             task.cancel()
         if left:
             self._loop.run_until_complete(asyncio.gather(*left, return_exceptions=True))
+        self._loop.run_until_complete(self._steps.close_caller(self._caller))
         self._loop.run_until_complete(self._loop.shutdown_asyncgens())
+        self._loop.run_until_complete(self._loop.shutdown_default_executor())
         self._loop.close()
 
-    def _opened(self, unit: PlannedUnit) -> tuple[Any, Any]:
+    def _open(self, unit: PlannedUnit) -> _Opened:
+        steps, method = self._steps, self._work.method
         start = time.perf_counter()
-        scene = self._steps.load(unit.scene_uri)
-        self._times[unit.scene_uri] = TimingRow("", unit.scene, "load", time.perf_counter() - start, 1)
-        return self._steps.open_context(scene), self._steps.vocabulary(scene)
+        scene = steps.load(unit.scene_uri)
+        loaded = time.perf_counter()
+        found = steps.read_index(scene, method, self._work.visibility)
+        context = steps.open_context(scene, None)
+        steps.adopt_rows(context, method, found.rows)
+        for message in found.damaged:
+            self._note("damaged", scene=unit.scene, message=message)
+        times = (
+            TimingRow("", unit.scene, "load", loaded - start, 1),
+            TimingRow("", unit.scene, "index_read", time.perf_counter() - loaded, len(found.rows)),
+        )
+        return _Opened(context, steps.vocabulary(scene), found.unstored, times)
 
     async def _answer(self, unit: PlannedUnit, question: Question) -> Tables:
         steps, method = self._steps, self._work.method
-        context, vocabulary = self._scenes.get(unit.scene_uri, lambda: self._opened(unit))
-        evidence = await steps.find_evidence(question, vocabulary, self._caller, method)
-        proposal = steps.propose(context, question, evidence, method)
+        opened = self._scenes.get(unit.scene_uri, lambda: self._open(unit))
+        evidence = await steps.find_evidence(question, opened.vocabulary, self._caller, method)
+        proposal = steps.propose(opened.context, question, evidence, method)
+        steps.keep_rows(opened.context, method, opened.unstored)
         decision = await steps.decide(question, proposal, self._caller, method)
-        rows = steps.conclude(context, question, evidence, proposal, decision, method)
+        rows = steps.conclude(opened.context, question, evidence, proposal, decision, method)
         if self._work.images:
             save_thumbnails(self._work.images, steps.thumbnails(proposal, rows))
         tables = steps.tables(rows)
-        loading = self._times.pop(unit.scene_uri, None)
-        return tables if loading is None else {**tables, "timings": (loading, *tables.get("timings", ()))}
+        times, opened.times = opened.times, ()
+        return {**tables, "timings": (*times, *tables.get("timings", ()))} if times else tables

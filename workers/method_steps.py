@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
-from jaxtyping import Int32, Int64
 
 from schemas.questions import Question
 from schemas.run_folder import image_name
 from schemas.tables import TABLES
+from workers import index_steps
 from workers.steps import Steps, Tables, Work
 
 if TYPE_CHECKING:
     from pipeline.config import MethodConfig
     from pipeline.models.caller import Caller
+    from pipeline.models.gate import Gate
+    from pipeline.render import PreparedGaussians
     from pipeline.scene.scene import Scene
     from pipeline.tasks.method import Decision, Evidence, Proposal, QuestionRows, SceneContext
 
@@ -36,46 +36,34 @@ def vocabulary(scene: Scene) -> tuple[str, ...]:
     return scene_vocabulary(scene)
 
 
-def open_context(scene: Scene) -> SceneContext:
+def prepare(scene: Scene) -> PreparedGaussians:
+    """Return the Gaussians prepared for rendering, without their colours, which lie in the scene already."""
+    from pipeline.render import prepare
+
+    return replace(prepare(scene.gaussians), sh=scene.gaussians.sh[:0])
+
+
+def open_context(scene: Scene, prepared: PreparedGaussians | None) -> SceneContext:
     """Return the caches of a scene; nothing is computed yet."""
     from pipeline.tasks.method import SceneContext
 
-    return SceneContext(scene)
+    context = SceneContext(scene)
+    if prepared is not None:
+        context.gaussians = replace(prepared, sh=scene.gaussians.sh)
+    return context
 
 
-@dataclass(frozen=True, slots=True)
-class IndexPart:
-    """Rows of the visibility index, in three arrays: many small ones would cost more to pass on than to use."""
-
-    views: Int32[np.ndarray, "n"]
-    """Views, numbered as in the scene."""
-    starts: Int64[np.ndarray, "n+1"]
-    """Where the ids of each view begin."""
-    ids: Int32[np.ndarray, "_"]
-    """Dominant Gaussians of all these views."""
-
-
-def index_views(context: SceneContext, config: MethodConfig, part: int, parts: int) -> tuple[IndexPart, int]:
-    """Return every `parts`-th row of the visibility index, from row `part` on, and the number of rows."""
-    index = context.index(config.visibility)
-    views = np.arange(part, len(index), parts, dtype=np.int32)
-    rows = [index.ids(int(view)) for view in views]
-    starts = np.concatenate([[0], np.cumsum([len(row) for row in rows], dtype=np.int64)])
-    return IndexPart(views, starts, np.concatenate([np.empty(0, np.int32), *rows])), len(views)
-
-
-def adopt_index(context: SceneContext, config: MethodConfig, part: IndexPart) -> None:
-    """Take over rows of the visibility index that another process computed."""
-    index = context.index(config.visibility)
-    for view, start, end in zip(part.views, part.starts[:-1], part.starts[1:], strict=True):
-        index.adopt(int(view), part.ids[start:end])
-
-
-def make_caller(work: Work) -> Caller:
+def make_caller(work: Work, gates: Mapping[str, Gate]) -> Caller:
     """Return who asks the models."""
     from pipeline.models.config import make_caller
 
-    return make_caller(work.models, Path(work.calls))
+    cache = None if work.cache == "off" else Path(work.calls)
+    return make_caller(work.models, cache, gates, replay=work.cache == "replay")
+
+
+async def close_caller(caller: Caller) -> None:
+    """Close a caller's connections."""
+    await caller.aclose()
 
 
 async def find_evidence(
@@ -144,10 +132,16 @@ def failed_rows(question: Question, error: Exception) -> QuestionRows:
 METHOD_STEPS = Steps(
     load=load,
     vocabulary=vocabulary,
+    prepare=prepare,
     open_context=open_context,
-    index_views=index_views,
-    adopt_index=adopt_index,
+    read_index=index_steps.read_index,
+    adopt_rows=index_steps.adopt_rows,
+    keep_rows=index_steps.keep_rows,
+    index_views=index_steps.index_views,
+    join_index=index_steps.join_index,
+    adopt_index=index_steps.adopt_index,
     make_caller=make_caller,
+    close_caller=close_caller,
     find_evidence=find_evidence,
     propose=propose,
     decide=decide,

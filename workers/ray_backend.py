@@ -1,27 +1,36 @@
 """The backend on Ray: per question, four steps whose arguments are references, so a waiting step holds no CPU.
 
-load (once a scene) -> evidence (actor) -> propose (CPU) -> decide (actor) -> conclude (CPU)
+once a scene: load -> prepare, read_index -> index_views (a part each slot) -> join_index
+once a question: evidence (actor) -> propose (CPU) -> decide (actor) -> conclude (CPU)
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import ray
 from ray.exceptions import GetTimeoutError, RayError, RayTaskError, TaskCancelledError
+from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
 from schemas.plan import PlannedUnit
 from schemas.questions import Question
 from workers import ray_tasks
 from workers.contexts import Recent
 from workers.dispatch import WorkerLostError
+from workers.limiter import Limiter, limited_endpoints
 from workers.ray_tasks import SceneKey
 from workers.steps import Steps, Tables, Work
 
 FETCH_S = 60.0
 """Seconds to bring an ended question's records here; they are small, so longer means their node is gone."""
+
+CLOSE_S = 10.0
+"""Seconds the model actors get to say what their last calls cost."""
+
+LISTENING = 10_000
+"""Exchanges the limiter holds at once: two for each model actor and endpoint, more than any run has."""
 
 SCENES_HELD = 3
 """Scenes whose object-store reference is kept; in-flight questions keep theirs alive by themselves."""
@@ -29,9 +38,13 @@ SCENES_HELD = 3
 
 # Retries are the ledger's (`dispatch.py`): Ray would run a killed task again unseen and uncounted.
 _load = ray.remote(num_returns=3, max_retries=0)(ray_tasks.load)
+_prepare = ray.remote(num_returns=2, max_retries=0)(ray_tasks.prepare)
+_read_index = ray.remote(num_returns=3, max_retries=0)(ray_tasks.read_index)
 _index_views = ray.remote(num_returns=2, max_retries=0)(ray_tasks.index_views)
+_join_index = ray.remote(num_returns=3, max_retries=0)(ray_tasks.join_index)
 _propose = ray.remote(max_retries=0)(ray_tasks.propose)
 _conclude = ray.remote(max_retries=0)(ray_tasks.conclude)
+_Limiter = ray.remote(num_cpus=0, max_task_retries=0)(Limiter)
 _Models = ray.remote(num_cpus=0, max_task_retries=0)(ray_tasks.Models)
 
 
@@ -43,12 +56,16 @@ class HeldScene:
     """Which scene."""
     scene: Any
     """Its arrays."""
+    prepared: Any
+    """What every process needs beside them."""
     vocabulary: Any
     """What evidence needs of it."""
-    index: tuple[Any, ...]
-    """Parts of its visibility index."""
-    times: tuple[Any, ...]
-    """How long loading and indexing took; empty once a question's records have them."""
+    index: Any
+    """Its visibility index."""
+    unstored: Any
+    """What the disk still lacks of it."""
+    notes: tuple[Any, ...]
+    """How long loading and indexing took and what was amiss; empty once a question's records have them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,14 +90,28 @@ class OnRay:
         model_actors: Processes that ask models.
         in_flight: Most questions one of them may be asked at once.
         slots: CPU slots; each gets a part of a scene's visibility index to compute.
+        note: Told what happened, as a kind and details: "damaged".
     """
 
-    def __init__(self, work: Work, steps: Steps, *, model_actors: int, in_flight: int, slots: int) -> None:
-        self._steps, self._slots = steps, slots
+    def __init__(
+        self,
+        work: Work,
+        steps: Steps,
+        *,
+        model_actors: int,
+        in_flight: int,
+        slots: int,
+        note: Callable[..., None] = lambda kind, **details: None,
+    ) -> None:
+        self._steps, self._slots, self._note = steps, slots, note
         self._work_ref, self._steps_ref = ray.put(work), ray.put(steps)
         options = {"max_concurrency": max(2, in_flight), "max_restarts": -1}
         # By value: Ray cannot restart an actor whose arguments have left the object store.
-        self._models = [_Models.options(**options).remote(work, steps) for _ in range(model_actors)]
+        self._limiter = _start_limiter(work) if limited_endpoints(work) else None
+        self._models = [
+            _Models.options(**options).remote(work, steps, self._limiter, f"models-{number}")
+            for number in range(model_actors)
+        ]
         self._scenes: Recent[HeldScene] = Recent(SCENES_HELD)
         self._submitted = 0
 
@@ -91,21 +122,29 @@ class OnRay:
         models = self._models[self._submitted % len(self._models)]
         self._submitted += 1
         evidence = models.find_evidence.remote(question, held.vocabulary)
-        proposal = _propose.remote(work, steps, held.key, held.scene, question, evidence, *held.index)
+        shared = (work, steps, held.key, held.scene, held.prepared)
+        proposal = _propose.remote(*shared, question, evidence, held.index, held.unstored)
         decision = models.decide.remote(question, proposal)
-        tables = _conclude.remote(work, steps, held.key, held.scene, question, evidence, proposal, decision)
+        tables = _conclude.remote(*shared, question, evidence, proposal, decision)
         return Chain(held, (evidence, proposal, decision, tables))
 
     def _open(self, unit: PlannedUnit) -> HeldScene:
         """Start loading and indexing a scene."""
         key = SceneKey(unit.scene_uri, unit.scene)
-        scene, vocabulary, loading = _load.remote(self._steps_ref, key)
-        parts = [
-            _index_views.remote(self._work_ref, self._steps_ref, key, scene, part, self._slots)
+        work, steps = self._work_ref, self._steps_ref
+        scene, vocabulary, loading = _load.remote(steps, key)
+        prepared, preparing = _prepare.remote(steps, key, scene)
+        stored, unstored, reading = _read_index.remote(work, steps, key, scene)
+        rendered = [
+            _index_views.remote(work, steps, key, scene, prepared, unstored, part, self._slots)
             for part in range(self._slots)
         ]
-        index, indexing = (tuple(refs) for refs in zip(*parts, strict=True))
-        return HeldScene(key, scene, vocabulary, index, (loading, *indexing))
+        parts, indexing = (tuple(refs) for refs in zip(*rendered, strict=True))
+        # Workers read the joined index where it lies; the parts leave the object store with this scope.
+        index, left, joining = _join_index.remote(work, steps, key, scene, unstored, stored, *parts)
+        return HeldScene(
+            key, scene, prepared, vocabulary, index, left, (loading, preparing, reading, *indexing, joining)
+        )
 
     def wait(self, handles: Sequence[Chain], timeout_s: float) -> Sequence[Chain]:
         """Return the chains that have ended."""
@@ -120,16 +159,18 @@ class OnRay:
         """Return a chain's records, or raise what ended it as our own code raised it."""
         try:
             tables: Tables = ray.get(handle.steps[-1], timeout=FETCH_S)
-            times = ray.get(list(handle.scene.times), timeout=FETCH_S)
+            notes = ray.get(list(handle.scene.notes), timeout=FETCH_S)
         except RayTaskError as error:
             raise _own_error(error) from None
         except (GetTimeoutError, RayError) as error:
             raise WorkerLostError(f"{type(error).__name__}: {_first_line(error)}") from None
-        if not times:
+        if not notes:
             return tables
         # Work done once a scene stands in the records of whichever question ended first.
-        handle.scene.times = ()
-        return {**tables, "timings": (*times, *tables.get("timings", ()))}
+        handle.scene.notes = ()
+        for message in (text for noted in notes for text in noted.damaged):
+            self._note("damaged", scene=handle.scene.key.name, message=message)
+        return {**tables, "timings": (*(noted.time for noted in notes), *tables.get("timings", ()))}
 
     def cancel(self, handle: Chain) -> None:
         """Cancel every step; those that run in a task are killed with their process."""
@@ -148,10 +189,18 @@ class OnRay:
         return self._steps.tables(self._steps.failed_rows(question, error))
 
     def close(self) -> None:
-        """End the model actors; the session ends the rest."""
-        for actor in self._models:
+        """End the actors; the session ends the rest."""
+        ray.wait([actor.close.remote() for actor in self._models], num_returns=len(self._models), timeout=CLOSE_S)
+        for actor in (*self._models, *filter(None, [self._limiter])):
             ray.kill(actor)
-        self._models = []
+        self._models, self._limiter = [], None
+
+
+def _start_limiter(work: Work) -> Any:
+    """Start the run's limiter on this node, where its journals lie; when it dies it is started again from them."""
+    here = NodeAffinitySchedulingStrategy(ray.get_runtime_context().get_node_id(), soft=True)
+    options = {"max_restarts": -1, "max_concurrency": LISTENING, "scheduling_strategy": here}
+    return _Limiter.options(**options).remote(work)
 
 
 def _own_error(error: RayTaskError) -> Exception:

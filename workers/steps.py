@@ -6,11 +6,12 @@ method never learns where it runs.
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 from schemas.questions import Question
+from workers.index_steps import FoundIndex
 
 Tables = Mapping[str, tuple[Any, ...]]
 """Records by table name, all of one question."""
@@ -26,31 +27,55 @@ class Work:
     """ModelConfig."""
     calls: str
     """Folder of the call cache."""
+    visibility: str
+    """Folder of the visibility index."""
     images: str
     """Run folder in which thumbnails go below images/; empty for none."""
+    cache: Literal["on", "off", "replay"] = "on"
+    """Whether stored replies are used and kept, neither, or all there is."""
+    budget: Any = None
+    """BudgetConfig; None for no caps."""
+    journals: str = ""
+    """Folder for the journals of what the run's calls cost."""
+    session: str = ""
+    """Name of this session of the run, unlike that of any other."""
 
 
 @dataclass(frozen=True, slots=True)
 class Steps:
     """The functions of a question's DAG; all are module-level, so they pickle by name.
 
-    load runs once a scene, open_context once a scene and process, the steps after index_views once a question.
-    index_views spreads over workers what every process would else compute for itself; a runner with one process
-    leaves it out, since contexts compute what they lack.
+    load and prepare run once a scene, open_context once a scene and process, the steps after adopt_index once a
+    question.
+
+    The visibility index is read from disk first. A runner with one process then adopts the rows; one with many
+    spreads the missing views over them, joins all rows once and hands that on. Both keep what a context renders beside.
     """
 
     load: Callable[[str], Any]
     """Scene URI to scene."""
     vocabulary: Callable[[Any], Any]
     """Scene to the small value that evidence needs of it."""
-    open_context: Callable[[Any], Any]
-    """Scene to the per-process context with its caches."""
-    make_caller: Callable[[Work], Any]
-    """Work to the caller that asks the models."""
-    index_views: Callable[[Any, Any, int, int], tuple[Any, int]]
-    """Context, method config, part and number of parts to that part of the visibility index, and its views."""
+    prepare: Callable[[Any], Any]
+    """Scene to what every context needs beside it, computed once and shared by the processes of a node."""
+    open_context: Callable[[Any, Any], Any]
+    """Scene and that, or None to compute it when needed, to the per-process context with its caches."""
+    make_caller: Callable[[Work, Mapping[str, Any]], Any]
+    """Work and, by endpoint, the gates its calls pass, to the caller that asks the models."""
+    close_caller: Callable[[Any], Awaitable[None]]
+    """Caller: it asks no more."""
+    read_index: Callable[[Any, Any, str], FoundIndex]
+    """Scene, method config, folder of the index to what lies there of it."""
+    adopt_rows: Callable[[Any, Any, Mapping[int, Any]], None]
+    """Context, method config and rows by view: they need not be rendered here."""
+    keep_rows: Callable[[Any, Any, Any], int]
+    """Context, method config and what the disk lacks: stores what was rendered here of it, and says how many rows."""
+    index_views: Callable[[Any, Any, Any, int, int], Any]
+    """Context, method config, what the disk lacks, part and number of parts: renders and stores that part."""
+    join_index: Callable[[Any, Any, Sequence[Any]], Any]
+    """Scene, method config and all parts, those from disk among them, to one value."""
     adopt_index: Callable[[Any, Any, Any], None]
-    """Context, method config and a part from another process: that part need not be computed here."""
+    """Context, method config and that value: nothing of it need be rendered here."""
     find_evidence: Callable[[Question, Any, Any, Any], Awaitable[Any]]
     """Question, vocabulary, caller, method config to evidence."""
     propose: Callable[[Any, Question, Any, Any], Any]

@@ -25,6 +25,9 @@ from jobs.status import RunStatus
 
 HERE = Path(__file__).parent
 
+SCORE_SHEETS = ("differences", "denominators", "category-clusters", "outcomes")
+"""Sheets below the ablation."""
+
 
 @dataclass(frozen=True, slots=True)
 class RunFacts:
@@ -56,7 +59,7 @@ def page(
         _tiles(metrics["arms"]),
         "<section><h2>Scores</h2>",
         *(_table(sheets[f"arms-{task}"]) for task in TASK_NAMES if f"arms-{task}" in sheets),
-        *(_table(sheets[key]) for key in ("differences", "denominators", "outcomes") if key in sheets),
+        *(_table(sheets[key]) for key in SCORE_SHEETS if key in sheets),
         "</section>",
         _groups(metrics, sheets),
         "<section><h2>Cost</h2>",

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from schemas.errors import InputError
+
 if TYPE_CHECKING:
     from jobs.submit import RunResult
 
@@ -13,6 +15,17 @@ FAILED = 1
 STOPPED = 130
 REASONS = 3
 """Reasons of failed questions that are told; the others stand in events.jsonl and in the tables."""
+
+
+def cache_mode(no_cache: bool, replay: bool) -> str | None:
+    """Return what two flags say about stored replies; None when they say nothing.
+
+    Raises:
+        InputError: They contradict each other.
+    """
+    if no_cache and replay:
+        raise InputError("--no-cache", expected="one of --no-cache and --replay", found="both")
+    return "off" if no_cache else "replay" if replay else None
 
 
 def end(result: RunResult) -> None:

@@ -14,6 +14,11 @@ def resume(
     in_process: Annotated[
         bool | None, typer.Option("--in-process/--on-ray", help="Run here or on Ray, in place of the job's.")
     ] = None,
+    max_calls: Annotated[int | None, typer.Option(help="Most model calls of the whole run.", min=0)] = None,
+    max_tokens: Annotated[int | None, typer.Option(help="Most tokens of the whole run.", min=0)] = None,
+    max_usd: Annotated[float | None, typer.Option(help="Most money of the whole run, US dollars.", min=0)] = None,
+    no_cache: Annotated[bool, typer.Option("--no-cache", help="Neither use nor keep stored replies.")] = False,
+    replay: Annotated[bool, typer.Option("--replay", help="Use stored replies only; send nothing.")] = False,
 ) -> None:
     """Answer the questions of a run that are not committed yet; nothing else than its folder is needed.
 
@@ -21,8 +26,11 @@ def resume(
     """
     from jobs.progress import for_terminal
     from jobs.submit import resume
-    from jobs.verbs.ending import end
+    from jobs.verbs.ending import cache_mode, end
 
     given: dict[str, Any] = {"cpus": cpus, "address": address, "in_process": in_process}
     workers = {name: value for name, value in given.items() if value is not None}
-    end(resume(run, progress=for_terminal(), workers=workers))
+    caps = {"calls": max_calls, "tokens": max_tokens, "usd": max_usd}
+    budget = {name: value for name, value in caps.items() if value is not None}
+    cache = cache_mode(no_cache, replay)
+    end(resume(run, progress=for_terminal(), workers=workers, budget=budget, cache=cache))

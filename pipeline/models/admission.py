@@ -8,7 +8,7 @@ that is killed and made anew holds the same limits.
 
 from __future__ import annotations
 
-from collections import OrderedDict
+from collections import OrderedDict, defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -21,11 +21,14 @@ class Wish:
     """A call someone wants to send."""
 
     id: str
-    """Unique among all callers and all tries: asked twice, it counts once."""
+    """Unique among all callers and all tries: asked twice, it counts once. Up to its last colon it names who asks."""
     tokens: int
     """Most tokens it is expected to use, prompt and reply."""
     usd: float
     """What that would cost, US dollars."""
+    key: str = ""
+    """What is asked: of calls with the same key one goes at a time, so that the others can find its reply. Empty for
+    a call that is like no other."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +45,8 @@ class Done:
     """The server asked everyone to slow down."""
     pause_s: float | None = None
     """For how long, seconds; None when it did not say."""
+    sent: bool = True
+    """False where nothing was sent: then it never counted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,18 +113,37 @@ class Admission:
         self._lost_after_s, self._record = lost_after_s, record
         self._waiting: OrderedDict[str, Wish] = OrderedDict()
         self._under_way: OrderedDict[str, _UnderWay] = OrderedDict()
+        self._keys: set[str] = set()
+        self._same: defaultdict[str, OrderedDict[str, Wish]] = defaultdict(OrderedDict)
         self._paused_until = float("-inf")
 
     def wish(self, wish: Wish) -> bool:
         """Put a call in the queue, where it is not there yet; return whether it is under way already."""
         if wish.id in self._under_way:
             return True
-        self._waiting.setdefault(wish.id, wish)
+        if wish.id not in self._same.get(wish.key, ()):
+            self._waiting.setdefault(wish.id, wish)
         return False
 
     def withdraw(self, wish_id: str) -> None:
         """Take a call out of the queue, if it is in it."""
         self._waiting.pop(wish_id, None)
+        for waiting in self._same.values():
+            waiting.pop(wish_id, None)
+
+    def replaced(self, place: str, gate: str) -> None:
+        """Give up the calls of a process that died: another one is in its place.
+
+        Args:
+            place: What the names of its gates begin with, up to a dot.
+            gate: The gate that is there now.
+        """
+        mine = [i for i in self._under_way if i.startswith(f"{place}.") and not i.startswith(f"{gate}:")]
+        for wish_id in mine:
+            self._lose(wish_id)
+        for waiting in (self._waiting, *self._same.values()):
+            for wish_id in [i for i in waiting if i.startswith(f"{place}.") and not i.startswith(f"{gate}:")]:
+                del waiting[wish_id]
 
     def done(self, done: Done, now_s: float) -> None:
         """Note the end of a call; one that is not under way is passed over."""
@@ -127,6 +151,11 @@ class Admission:
         if ended is None:
             return
         self._record(done)
+        self._free(ended.wish.key)
+        if not done.sent:
+            self.window.withdraw(ended.call)
+            self.budget.release(ended.wish.tokens, ended.wish.usd)
+            return
         tokens, usd = (ended.wish.tokens, ended.wish.usd) if done.tokens is None else (done.tokens, done.usd)
         self.window.settle(ended.call, tokens)
         self.budget.settle(ended.wish.tokens, ended.wish.usd, tokens, usd)
@@ -162,6 +191,9 @@ class Admission:
         wait_s: float | None = None
         while self._waiting:
             wish = next(iter(self._waiting.values()))
+            if wish.key in self._keys:
+                self._same[wish.key][wish.id] = self._waiting.pop(wish.id)
+                continue
             if self.budget.lacks(wish.tokens, wish.usd, reserved=True):
                 final = self.budget.lacks(wish.tokens, wish.usd, reserved=False)
                 if not final:
@@ -185,11 +217,24 @@ class Admission:
     def _start(self, wish: Wish, at_s: float) -> None:
         self._under_way[wish.id] = _UnderWay(wish, self.window.admit(wish.tokens, at_s))
         self.budget.reserve(wish.tokens, wish.usd)
+        if wish.key:
+            self._keys.add(wish.key)
+
+    def _free(self, key: str) -> None:
+        """Let the calls that waited for one with this key go on, before all others: they have waited longest."""
+        self._keys.discard(key)
+        for wish in reversed(self._same.pop(key, OrderedDict()).values()):
+            self._waiting[wish.id] = wish
+            self._waiting.move_to_end(wish.id, last=False)
+
+    def _lose(self, wish_id: str) -> None:
+        lost = self._under_way.pop(wish_id).wish
+        self.budget.settle(lost.tokens, lost.usd, lost.tokens, lost.usd)
+        self._free(lost.key)
 
     def _give_up_lost(self, now_s: float) -> None:
         while self._under_way and self._next_loss_s(now_s) <= 0:
-            _, lost = self._under_way.popitem(last=False)
-            self.budget.settle(lost.wish.tokens, lost.wish.usd, lost.wish.tokens, lost.wish.usd)
+            self._lose(next(iter(self._under_way)))
 
     def _next_loss_s(self, now_s: float) -> float:
         oldest = next(iter(self._under_way.values()))

@@ -57,6 +57,10 @@ class Budget:
         self.reserved.add(-1, -tokens, -usd)
         self.spent.add(1, used_tokens, used_usd)
 
+    def release(self, tokens: int, usd: float) -> None:
+        """Put back what was set aside for a call that was not sent."""
+        self.reserved.add(-1, -tokens, -usd)
+
     def lacks(self, tokens: int, usd: float, *, reserved: bool) -> str:
         """Say which cap a call of this estimate would break; empty when none.
 
@@ -73,5 +77,8 @@ class Budget:
             ("usd", self.caps.usd, self.spent.usd + aside.usd, usd),
         ):
             if cap is not None and used + wanted > cap:
-                return f"budget reached: {used:g} of {cap:g} {name} spent and the next call may take {wanted:g}"
+                return (
+                    f"budget reached: {used:g} of {cap:g} {name} spent and the next call may take {wanted:g}; go on "
+                    f"with a higher --max-{name}"
+                )
         return ""

@@ -9,8 +9,9 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -20,13 +21,26 @@ from pipeline.models.gate import Gate
 from pipeline.models.messages import ChatClient, ImagePart, Reply, Request, Stage
 from pipeline.models.prompts import Prompts
 from schemas.calls import CallRow
-from schemas.errors import InputError, LostReplyError, RateLimitError, RetryError, SplatReasonerError
+from schemas.errors import InputError, LostReplyError, QuestionError, RateLimitError, RetryError, SplatReasonerError
 from schemas.questions import Question
 
 T = TypeVar("T")
 
 _ROW_STAGE: Mapping[Stage, str] = {"answer_one": "answer", "answer_many": "answer"}
 """The two answer prompts are one stage of the method."""
+
+
+LAST_WORDS_S = 5.0
+"""Seconds in which the gates of a caller that is closed may say what its last calls cost."""
+
+
+@runtime_checkable
+class Closing(Protocol):
+    """A client that holds connections."""
+
+    async def aclose(self) -> None:
+        """Close those of the running event loop."""
+        ...
 
 
 class RetryPolicy(BaseModel):
@@ -106,6 +120,7 @@ class Caller:
         retry: What is done about failures that may pass.
         uncached: Stages whose replies are not worth storing, such as those of the symbolic model.
         tolls: By endpoint, what its calls pass before they are sent.
+        replay: Whether stored replies are all there is: a call that is not in the cache fails, and nothing is sent.
         sleep: Waits a number of seconds.
         clock: Monotonic seconds, to measure latency.
     """
@@ -120,6 +135,7 @@ class Caller:
         retry: RetryPolicy | None = None,
         uncached: Collection[Stage] = (),
         tolls: Mapping[str, Toll] | None = None,
+        replay: bool = False,
         sleep: Callable[[float], Awaitable[None]] = asyncio.sleep,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
@@ -128,7 +144,7 @@ class Caller:
         self.clients, self.prompts, self.cache, self.max_asks = clients, prompts, cache, max_asks
         self.retry = retry or RetryPolicy()
         self.uncached = frozenset(uncached)
-        self.tolls = dict(tolls or {})
+        self.tolls, self.replay = dict(tolls or {}), replay
         self._sleep, self._clock = sleep, clock
         self._flights: dict[str, _Flight] = {}
 
@@ -185,6 +201,17 @@ class Caller:
             error.call_rows = tuple(log.rows)  # type: ignore[attr-defined]
             raise
 
+    async def aclose(self) -> None:
+        """Close connections, after the gates know what every call cost."""
+        gates = [toll.gate for toll in self.tolls.values() if toll.gate is not None]
+        # A gate whose admission is gone would tell it for ever; the journal counts what it lacks as spent.
+        with suppress(TimeoutError):
+            async with asyncio.timeout(LAST_WORDS_S):
+                await asyncio.gather(*(gate.settled() for gate in gates))
+        for client in {id(client): client for client in self.clients.values()}.values():
+            if isinstance(client, Closing):
+                await client.aclose()
+
     async def _reply(self, client: ChatClient, request: Request, log: _Log) -> _Sent:
         """Return a reply that was paid for now, or that cost nothing: stored, or under way for someone else."""
         cache = None if request.stage in self.uncached else self.cache
@@ -198,22 +225,23 @@ class Caller:
             if stored is not None:
                 flight.reply = stored
                 return _Sent(stored, cached=True)
-            sent = await self._send(client, request, log)
-            # A blank reply is mostly a server's hiccup: it counts as unreadable now, and is not held for ever.
-            if cache is not None and sent.reply.text.strip():
-                await asyncio.to_thread(cache.put, log.key, sent.reply, stage=request.stage, client=client.name)
+            if self.replay and request.stage not in self.uncached:
+                missing = QuestionError(f"replay: no reply is stored for the {request.stage} call {log.key}")
+                log.add("QuestionError", _Sent(Reply(str(missing))))
+                raise missing
+            sent = await self._send(client, request, log, cache)
             flight.reply = sent.reply
             return sent
         finally:
             del self._flights[log.key]
             flight.landed.set()
 
-    async def _send(self, client: ChatClient, request: Request, log: _Log) -> _Sent:
+    async def _send(self, client: ChatClient, request: Request, log: _Log, cache: CallCache | None) -> _Sent:
         tries = 0
         while True:
             tries += 1
             try:
-                return await self._try(client, request)
+                return await self._try(client, request, log.key, cache)
             except _FailedTry as failed:
                 error = failed.error
                 log.add(type(error).__name__, failed.sent)
@@ -224,18 +252,27 @@ class Caller:
                     raise error from None
                 await self._sleep(wait_s)
 
-    async def _try(self, client: ChatClient, request: Request) -> _Sent:
-        """Send a request once, when its endpoint's gate lets it."""
+    async def _try(self, client: ChatClient, request: Request, key: str, cache: CallCache | None) -> _Sent:
+        """Send a request once, when its endpoint's gate lets it, and store its reply.
+
+        The gate hears of the end only after that: a call with the same key that waits there, in whatever process,
+        then finds the reply.
+        """
         toll = self.tolls.get(client.name.partition(":")[0])
-        if toll is None:
-            return await self._timed(client, request, 0.0, None)
+        if toll is None or toll.gate is None:
+            sent = await self._timed(client, request, 0.0, toll)
+            await self._store(client, request, key, cache, sent.reply)
+            return sent
         start = self._clock()
-        if toll.gate is None:
-            return await self._timed(client, request, 0.0, toll)
-        ticket = await toll.gate.enter(*toll.estimate.most(request))
+        ticket = await toll.gate.enter(*toll.estimate.most(request), "" if cache is None else key)
         wait_s = self._clock() - start
+        stored = cache.get(key) if cache is not None else None
+        if stored is not None:
+            toll.gate.leave(ticket, 0, sent=False)
+            return _Sent(stored, cached=True)
         try:
             sent = await self._timed(client, request, wait_s, toll)
+            await self._store(client, request, key, cache, sent.reply)
         except _FailedTry as failed:
             limit = isinstance(failed.error, RateLimitError)
             pause_s = failed.error.retry_after_s if isinstance(failed.error, RateLimitError) else None
@@ -248,6 +285,13 @@ class Caller:
         used = sent.reply.prompt_tokens + sent.reply.completion_tokens
         toll.gate.leave(ticket, used or None, sent.usd or 0.0)
         return sent
+
+    async def _store(
+        self, client: ChatClient, request: Request, key: str, cache: CallCache | None, reply: Reply
+    ) -> None:
+        # A blank reply is mostly a server's hiccup: it counts as unreadable now, and is not held for ever.
+        if cache is not None and reply.text.strip():
+            await asyncio.to_thread(cache.put, key, reply, stage=request.stage, client=client.name)
 
     async def _timed(self, client: ChatClient, request: Request, wait_s: float, toll: Toll | None) -> _Sent:
         start = self._clock()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
@@ -13,9 +13,9 @@ from pipeline.models.caller import Caller, RetryPolicy, Toll
 from pipeline.models.estimate import Price, TokenEstimate
 from pipeline.models.gate import Gate
 from pipeline.models.messages import ChatClient, Stage
-from pipeline.models.prompts import REQUIRED, Prompts
+from pipeline.models.prompts import Prompts
 
-STAGES: tuple[Stage, ...] = tuple(name for name in REQUIRED if name != "judge_extra")
+STAGES: tuple[Stage, ...] = get_args(Stage)
 """Every stage that calls a model."""
 
 
@@ -56,6 +56,12 @@ class EndpointConfig(BaseModel):
         "max_tokens", description="what the server calls that limit; newer OpenAI models want max_completion_tokens"
     )
     seed: int | None = Field(None, description="sampling seed, where the server knows one; null sends none")
+    structured: Literal["none", "json_schema", "json_object"] = Field(
+        "none",
+        description="JSON replies, where the server offers them: none: plain text; json_schema: held to the stage's "
+        "schema (OpenAI, vLLM, llama.cpp, Ollama); json_object: any JSON, the form told in words. Free text (view "
+        "answers, captions) stays plain",
+    )
     extra_body: dict[str, Any] = Field(
         default_factory=dict, description="further fields of the request, such as {reasoning_effort: low}"
     )
@@ -99,9 +105,21 @@ class EndpointConfig(BaseModel):
     def _address_and_model(self) -> EndpointConfig:
         if self.kind == "openai" and not (self.base_url and self.model):
             raise ValueError("kind openai needs base_url and model")
+        if self.structured != "none" and "response_format" in self.extra_body:
+            raise ValueError("structured sends response_format; leave it out of extra_body")
         if (self.usd_per_million_prompt is None) != (self.usd_per_million_completion is None):
             raise ValueError("give both prices, of prompts and of replies, or none")
         return self
+
+    def identity(self) -> dict[str, Any]:
+        """Return what changes a reply; timeouts, limits, prices and the key's variable do not."""
+        kept = {"kind", "base_url", "model", "temperature", "top_p", "max_tokens", "seed", "extra_body", "images"}
+        identity = self.model_dump(mode="json", include=kept)
+        if self.structured == "none":
+            return identity
+        from pipeline.models.reply_schemas import VERSION
+
+        return identity | {"structured": self.structured, "schemas": VERSION}
 
     @property
     def price(self) -> Price | None:
@@ -122,7 +140,8 @@ class ModelConfig(BaseModel):
     default: str = Field("symbolic", description="endpoint of every stage not named in `stages`")
     stages: dict[Stage, str] = Field(
         default_factory=dict,
-        description="endpoint by stage: evidence, view_answer, choice, verify, answer_one, answer_many, judge",
+        description="endpoint by stage: evidence, view_answer, choice, verify, answer_one, answer_many, judge, "
+        "caption; choice needs a vision model where judging.design shows images",
     )
     prompts: Path | None = Field(
         None, description="folder of replacement prompts, files named as in pipeline/models/prompts; null for ours"
@@ -161,8 +180,12 @@ class ModelConfig(BaseModel):
         return frozenset(stage for stage in STAGES if self.endpoints[self.endpoint_of(stage)].kind == "symbolic")
 
 
-def make_clients(config: ModelConfig) -> dict[Stage, ChatClient]:
+def make_clients(config: ModelConfig, *, offline: bool = False) -> dict[Stage, ChatClient]:
     """Return a client for every stage; stages of one endpoint share it.
+
+    Args:
+        config: Models.
+        offline: Whether clients stand in for the endpoints that know what they are and send nothing.
 
     Raises:
         InputError: An endpoint in use names an environment variable that is not set.
@@ -174,6 +197,10 @@ def make_clients(config: ModelConfig) -> dict[Stage, ChatClient]:
             from pipeline.models.symbolic import SymbolicModel
 
             clients[name] = SymbolicModel()
+        elif offline:
+            from pipeline.models.replay import OfflineClient
+
+            clients[name] = OfflineClient(name, endpoint)
         else:
             from pipeline.models.endpoint import EndpointClient
 
@@ -181,13 +208,16 @@ def make_clients(config: ModelConfig) -> dict[Stage, ChatClient]:
     return {stage: clients[config.endpoint_of(stage)] for stage in STAGES}
 
 
-def make_caller(config: ModelConfig, cache: Path | None, gates: Mapping[str, Gate] | None = None) -> Caller:
+def make_caller(
+    config: ModelConfig, cache: Path | None, gates: Mapping[str, Gate] | None = None, *, replay: bool = False
+) -> Caller:
     """Return the caller of a run.
 
     Args:
         config: Models, prompts and retries.
         cache: Folder of stored replies, such as a run's `calls`; None to store none.
         gates: By endpoint, where its calls wait their turn; those of endpoints without a gate never wait.
+        replay: Whether stored replies are all there is: nothing is sent, and no key is needed.
 
     Raises:
         InputError: A key is not set or a prompt is wrong.
@@ -198,11 +228,12 @@ def make_caller(config: ModelConfig, cache: Path | None, gates: Mapping[str, Gat
         estimate = TokenEstimate(endpoint.image_tokens, endpoint.max_tokens, endpoint.price or Price())
         tolls[name] = Toll((gates or {}).get(name), estimate, endpoint.price)
     return Caller(
-        make_clients(config),
+        make_clients(config, offline=replay),
         Prompts.load(config.prompts),
         None if cache is None else CallCache(cache),
         max_asks=config.max_asks,
         retry=config.retry,
         uncached=config.symbolic_stages(),
         tolls=tolls,
+        replay=replay,
     )

@@ -22,6 +22,8 @@ from schemas.errors import RetryError, StopError
 
 LONGEST_WAIT_S = 5.0
 """An exchange without news ends after this long, so that nobody waits for ever on one that got lost."""
+GATHER_S = 0.003
+"""What is said within this time goes in one exchange: nothing to a call, much to the cost of exchanges."""
 AGAIN_S = 0.2
 """Seconds until an exchange that failed is tried again."""
 
@@ -84,10 +86,15 @@ class LocalAuthority:
         self._admission, self._clock = admission, clock
         self._news: dict[str, News] = {}
         self._arrived: dict[str, asyncio.Event] = {}
+        self._present: dict[str, str] = {}
+        self._gone: set[str] = set()
 
     async def exchange(self, exchange: Exchange) -> News:
         """Take in what a gate tells and return the news for it; one that listens waits for some."""
         admission = self._admission
+        if exchange.gate in self._gone:
+            return News()
+        self._note(exchange.gate)
         for done in exchange.done:
             admission.done(done, self._clock())
         for wish_id in exchange.withdrawn:
@@ -107,6 +114,16 @@ class LocalAuthority:
             except TimeoutError:
                 wait_s = self._decide()
         return self._news.pop(exchange.gate, News())
+
+    def _note(self, gate: str) -> None:
+        """Take note of a gate that is heard for the first time: the one that was in its place is gone."""
+        place = gate.partition(".")[0]
+        before = self._present.get(place)
+        if before != gate:
+            self._present[place] = gate
+            self._admission.replaced(place, gate)
+            if before is not None:
+                self._gone.add(before)
 
     def _of(self, gate: str) -> News:
         return self._news.setdefault(gate, News())
@@ -128,28 +145,32 @@ class Gate:
 
     Args:
         authority: Who decides.
-        name: Unique among the gates of an admission; None makes one up.
+        place: Name, without dot or colon, of what the gate belongs to, such as a worker that is started again when
+            it dies: a later gate with the same place takes over, and calls under way of the earlier one are given
+            up. None for a place of its own.
     """
 
-    def __init__(self, authority: Authority, name: str | None = None) -> None:
-        self._authority, self._name = authority, name or uuid.uuid4().hex
+    def __init__(self, authority: Authority, place: str | None = None) -> None:
+        unique = uuid.uuid4().hex
+        self._authority, self._name = authority, f"{place or unique}.{unique}"
         self._numbers = itertools.count()
         self._waiting: OrderedDict[str, tuple[Wish, asyncio.Future[None]]] = OrderedDict()
         self._new, self._done, self._withdrawn = list[Wish](), list[Done](), list[str]()
         self._telling: asyncio.Task[None] | None = None
         self._listening: asyncio.Task[None] | None = None
 
-    async def enter(self, tokens: int, usd: float = 0.0) -> str:
+    async def enter(self, tokens: int, usd: float = 0.0, key: str = "") -> str:
         """Wait until a call may be sent; return its ticket for `leave`.
 
         Args:
             tokens: Most tokens it is expected to use.
             usd: What they would cost, US dollars.
+            key: What is asked; waits for calls with the same key, of any gate, to end. Empty waits for none.
 
         Raises:
             BudgetError: A cap of the run is reached.
         """
-        wish = Wish(f"{self._name}:{next(self._numbers)}", tokens, usd)
+        wish = Wish(f"{self._name}:{next(self._numbers)}", tokens, usd, key)
         decided: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self._waiting[wish.id] = wish, decided
         self._new.append(wish)
@@ -160,7 +181,7 @@ class Gate:
             if self._waiting.pop(wish.id, None) is not None:
                 self._withdrawn.append(wish.id)
             # It may have been granted meanwhile: then its place is given back unused.
-            self.leave(wish.id, 0)
+            self.leave(wish.id, 0, sent=False)
             raise
         return wish.id
 
@@ -172,6 +193,7 @@ class Gate:
         *,
         overloaded: bool = False,
         pause_s: float | None = None,
+        sent: bool = True,
     ) -> None:
         """Say how a call ended.
 
@@ -181,13 +203,16 @@ class Gate:
             usd: What they cost.
             overloaded: The server said it has too much to do.
             pause_s: Seconds it asked everyone to wait.
+            sent: False where nothing was sent after all.
         """
-        self._done.append(Done(ticket, tokens, usd, overloaded, pause_s))
+        self._done.append(Done(ticket, tokens, usd, overloaded, pause_s, sent))
         self._tell_soon()
 
     async def settled(self) -> None:
         """Wait until all that was said has been heard."""
-        while self._telling is not None and not self._telling.done():
+        while self._new or self._done or self._withdrawn or (self._telling and not self._telling.done()):
+            self._tell_soon()
+            assert self._telling is not None
             await self._telling
 
     def _tell_soon(self) -> None:
@@ -195,6 +220,7 @@ class Gate:
             self._telling = asyncio.get_running_loop().create_task(self._tell())
 
     async def _tell(self) -> None:
+        await asyncio.sleep(GATHER_S)
         while self._new or self._done or self._withdrawn:
             new, done, withdrawn = tuple(self._new), tuple(self._done), tuple(self._withdrawn)
             self._new, self._done, self._withdrawn = [], [], []

@@ -16,6 +16,7 @@ from typing import Any
 from pipeline.models.admission import Done, Wish
 from pipeline.models.budget import Spend
 from pipeline.models.rate import MINUTE_S
+from schemas.errors import StopError
 
 REMEMBERED_S = 2 * MINUTE_S
 """Age up to which calls are told apart: more than any window of a rate."""
@@ -58,31 +59,32 @@ class Journal:
         self._path, self._session, self._wall_clock = path, session, wall_clock
 
     def record(self, entry: Wish | Done) -> None:
-        """Add a line."""
+        """Add a line.
+
+        Raises:
+            StopError: It cannot be written: then no call may go.
+        """
         line: dict[str, Any] = {"tokens": entry.tokens, "usd": entry.usd}
         if isinstance(entry, Wish):
-            line = {"sent": entry.id, "session": self._session, "at": self._wall_clock(), **line}
-        else:
+            line = {"sent": entry.id, "key": entry.key, "session": self._session, "at": self._wall_clock(), **line}
+        elif entry.sent:
             line = {"done": entry.id, **line}
-        self._path.parent.mkdir(parents=True, exist_ok=True)
-        with self._path.open("ab", buffering=0) as file:
-            # The line break comes first: a line cut short by a crash does not swallow the next one.
-            file.write(b"\n" + json.dumps(line).encode())
+        else:
+            line = {"unsent": entry.id}
+        try:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            with self._path.open("ab", buffering=0) as file:
+                # The line break comes first: a line cut short by a crash does not swallow the next one.
+                file.write(b"\n" + json.dumps(line).encode())
+        except OSError as error:
+            raise StopError(f"{self._path}: what calls cost cannot be noted: {error.strerror or error}") from error
 
     def read(self) -> Remembered:
         """Return what was written so far; a line that was cut short is passed over."""
-        sent: dict[str, dict[str, Any]] = {}
-        ended: dict[str, dict[str, Any]] = {}
-        if self._path.exists():
-            with self._path.open("rb") as lines:
-                for entry in map(_decoded, lines):
-                    if "sent" in entry:
-                        sent.setdefault(entry["sent"], entry)
-                    elif "done" in entry:
-                        ended[entry["done"]] = entry
+        sent, ended = self._entries()
         spent, calls, now = Spend(), list[PastCall](), self._wall_clock()
         for wish_id, start in sent.items():
-            wish = Wish(wish_id, start["tokens"], start["usd"])
+            wish = Wish(wish_id, start["tokens"], start["usd"], start["key"])
             end, same = ended.get(wish_id), start["session"] == self._session
             if end is not None or not same:
                 counted = start if end is None or end["tokens"] is None else end
@@ -92,6 +94,31 @@ class Journal:
                 tokens = None if end is None else (wish.tokens if end["tokens"] is None else end["tokens"])
                 calls.append(PastCall(wish, age_s, tokens, same))
         return Remembered(spent, tuple(calls))
+
+    def unended(self) -> tuple[Wish, ...]:
+        """Return the calls of earlier sessions without an end, where none was sent later for the same key."""
+        sent, ended = self._entries()
+        last = {entry["key"]: entry for entry in sent.values() if entry["key"]}
+        return tuple(
+            Wish(entry["sent"], entry["tokens"], entry["usd"], key)
+            for key, entry in last.items()
+            if entry["sent"] not in ended and entry["session"] != self._session
+        )
+
+    def _entries(self) -> tuple[dict[str, dict[str, Any]], dict[str, dict[str, Any]]]:
+        """Return the lines on calls let through and on their ends, by wish."""
+        sent: dict[str, dict[str, Any]] = {}
+        ended: dict[str, dict[str, Any]] = {}
+        if self._path.exists():
+            with self._path.open("rb") as lines:
+                for entry in map(_decoded, lines):
+                    if "sent" in entry:
+                        sent.setdefault(entry["sent"], entry)
+                    elif "done" in entry:
+                        ended[entry["done"]] = entry
+                    elif "unsent" in entry:
+                        sent.pop(entry["unsent"], None)
+        return sent, ended
 
 
 def _decoded(line: bytes) -> dict[str, Any]:

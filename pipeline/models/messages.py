@@ -10,8 +10,9 @@ from typing import Any, Literal, Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float, Int32, UInt8
 
-Stage = Literal["evidence", "view_answer", "choice", "verify", "answer_one", "answer_many", "judge"]
-"""answer_one is the EQA / single-target prompt (one image index), answer_many asks yes or no per image."""
+Stage = Literal["evidence", "view_answer", "choice", "verify", "answer_one", "answer_many", "judge", "caption"]
+"""answer_one is the EQA / single-target prompt (one image index), answer_many asks yes or no per image; caption is
+asked by baselines alone."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,8 +2,9 @@
 
 A prompt file has a section `=== user ===` and, where wanted, `=== system ===` and `=== again ===` (what is said after
 a reply that could not be read). Placeholders are written `{{name}}`. All are replaced in one pass, so text that comes
-from a question, a scene or a model is never expanded again, whatever braces it holds. `{{images}}` stands alone on a
-line; there each picture follows its label "Image i".
+from a question, a scene or a model is never expanded again, whatever braces it holds; it is quoted as data first
+(`quoting`), so that it can neither close the tags a prompt puts around it nor begin a line. `{{images}}` stands alone
+on a line; there each picture follows its label "Image i".
 """
 
 from __future__ import annotations
@@ -17,22 +18,44 @@ from pathlib import Path
 from typing import Any, Literal
 
 from pipeline.models.messages import ImagePart, Message, Request, Stage
+from pipeline.models.quoting import one_line, several_lines
 from schemas.errors import InputError
 
 TemplateName = Literal[
-    "evidence", "view_answer", "choice", "verify", "answer_one", "answer_many", "judge", "judge_extra"
+    "evidence",
+    "view_answer",
+    "choice",
+    "choice_image",
+    "choice_image_text",
+    "verify",
+    "answer_one",
+    "answer_many",
+    "judge",
+    "judge_extra",
+    "caption",
 ]
-"""One prompt file each: the stages, and the judge's prompt for questions with several accepted answers."""
+"""One prompt file each: the stages, and the variants of `VARIANT_OF`."""
+
+VARIANT_OF: Mapping[TemplateName, Stage] = {
+    "choice_image": "choice",
+    "choice_image_text": "choice",
+    "judge_extra": "judge",
+}
+"""Prompts that stand in for their stage's own: the choice by images or by both, and the judge's for questions with
+several accepted answers."""
 
 REQUIRED: Mapping[TemplateName, frozenset[str]] = {
     "evidence": frozenset({"question", "categories", "k"}),
     "view_answer": frozenset({"question", "images"}),
     "choice": frozenset({"question", "candidates"}),
+    "choice_image": frozenset({"question", "images"}),
+    "choice_image_text": frozenset({"question", "images", "candidates"}),
     "verify": frozenset({"question", "candidates"}),
     "answer_one": frozenset({"question", "images"}),
     "answer_many": frozenset({"question", "images"}),
     "judge": frozenset({"question", "answer", "prediction"}),
     "judge_extra": frozenset({"question", "answer", "prediction", "extra_answers"}),
+    "caption": frozenset({"images"}),
 }
 """Placeholders that the user section of each prompt must hold."""
 
@@ -93,8 +116,21 @@ class Prompts:
         return cls(templates)
 
     def template_name(self, stage: Stage, variables: Mapping[str, Any]) -> TemplateName:
-        """Return which prompt a call uses: the stage's, or `judge_extra` where several answers are accepted."""
-        return "judge_extra" if stage == "judge" and variables.get("extra_answers") else stage
+        """Return which prompt a call uses: the stage's, or the variant that its variables call for.
+
+        Raises:
+            InputError: The choice's design is unknown.
+        """
+        if stage == "judge" and variables.get("extra_answers"):
+            return "judge_extra"
+        if stage != "choice" or "design" not in variables:
+            return stage
+        match variables["design"]:
+            case "image":
+                return "choice_image"
+            case "image_text":
+                return "choice_image_text"
+        raise InputError("prompt choice", field="design", expected="image or image_text", found=variables["design"])
 
     def sha256(self, name: TemplateName) -> str:
         """Return the hash of a prompt, as call rows record it."""
@@ -110,17 +146,18 @@ class Prompts:
         Args:
             stage: Who asks.
             variables: Value of every placeholder of that stage but `images`, `count` and `last`: texts, numbers
-                or lists of texts. Candidates become lines "i: text".
+                or lists of texts. Candidates become lines "i: text". A choice by images also has `design`.
             images: Pictures in order; empty for a stage that shows none.
 
         Raises:
             InputError: A variable is missing, or images were given to a stage without any or the other way round.
         """
         name = self.template_name(stage, variables)
-        template, values = self._templates[name], _values(name, variables, len(images))
+        template = self._templates[name]
         if ("images" in REQUIRED[name]) != bool(images):
             expected = "at least one image" if "images" in REQUIRED[name] else "no image"
             raise InputError(f"prompt {name}", field="images", expected=expected, found=len(images))
+        values = _values(name, variables, len(images))
         messages = [Message("user", _with_images(template.user, values, images))]
         if template.system:
             messages.insert(0, Message("system", (_substitute(template.system, values),)))
@@ -131,7 +168,7 @@ class Prompts:
         name = self.template_name(request.stage, request.variables)
         values = _values(name, request.variables, len(request.images()))
         turns = (
-            Message("assistant", (reply.strip()[:REPLY_ECHO] or "(no text)",)),
+            Message("assistant", (several_lines(reply.strip()[:REPLY_ECHO]) or "(no text)",)),
             Message("user", (_substitute(self._templates[name].again, values),)),
         )
         return Request(request.stage, request.messages + turns, request.variables)
@@ -197,19 +234,18 @@ def _values(name: TemplateName, variables: Mapping[str, Any], images: int) -> di
             raise InputError(f"prompt {name}", field=placeholder, expected="a value", found="none")
         value = variables[placeholder]
         if placeholder == "candidates":
-            value = "\n".join(f"{index}: {_one_line(text)}" for index, text in enumerate(value))
+            values[placeholder] = "\n".join(f"{index}: {one_line(text)}" for index, text in enumerate(value))
         elif placeholder == "extra_answers":
-            value = "\n".join(f"- {_one_line(text)}" for text in value)
+            values[placeholder] = "\n".join(f"- {one_line(text)}" for text in value)
         elif placeholder == "categories":
-            value = "\n".join(_one_line(text) for text in value)
-        values[placeholder] = str(value)
+            values[placeholder] = "\n".join(one_line(text) for text in value)
+        else:
+            values[placeholder] = one_line(str(value))
     count = len(variables["candidates"]) if "candidates" in REQUIRED[name] else images
+    if "images" in REQUIRED[name] and count != images:
+        expected = f"one for each of {images} images"
+        raise InputError(f"prompt {name}", field="candidates", expected=expected, found=count)
     return values | {"count": str(count), "last": str(count - 1)}
-
-
-def _one_line(text: str) -> str:
-    """An item of a list stays on its line, so that it cannot pose as another item."""
-    return " ".join(text.split())
 
 
 def _substitute(text: str, values: Mapping[str, str]) -> str:

@@ -62,6 +62,11 @@ class RateWindow:
         self._short.change(call, tokens)
         call.tokens = tokens
 
+    def withdraw(self, call: Admitted) -> None:
+        """Count a call no longer, since it was not sent."""
+        self._whole.drop(call)
+        self._short.drop(call)
+
     def calls(self, now_s: float) -> tuple[Admitted, ...]:
         """Return the calls that still count, oldest first."""
         self._whole.expire(now_s)
@@ -83,6 +88,13 @@ class _Window:
     def change(self, call: Admitted, tokens: int) -> None:
         if self.log and call.at_s >= self.log[0].at_s:  # else it has left the window
             self.sum += tokens - call.tokens
+
+    def drop(self, call: Admitted) -> None:
+        for place, found in enumerate(self.log):
+            if found is call:
+                del self.log[place]
+                self.sum -= call.tokens
+                return
 
     def expire(self, now_s: float) -> None:
         while self.log and self.log[0].at_s + self.length_s <= now_s + ROUNDING_S:

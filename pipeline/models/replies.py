@@ -1,8 +1,10 @@
 """Reply parsers: pure and strict. What can be read in one way only is read; everything else is None, never a guess.
 
-All parsers look past the same wrappings, which change no meaning: a reasoning block `<think>...</think>` before the
-reply, a code fence around it, bold marks, quotes, list marks, a trailing full stop, and (but in free text) a line break
-written as backslash-n.
+All parsers look past the same wrappings, which change no meaning: a reasoning block such as `<think>...</think>` before
+the reply (also one whose opening tag stands in the server's template), a code fence around it, bold marks, quotes, list
+marks, full-width digits and colons, a trailing full stop, and (but in free text) a line break written as backslash-n.
+A reply may be JSON where a server was asked for it, or where a model took to it by itself; docs/prompts.md lists the
+forms and the words that are read in languages other than English.
 """
 
 from __future__ import annotations
@@ -13,30 +15,46 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-_THINKING = re.compile(r"\A\s*<think(?:ing)?>.*?</think(?:ing)?>", re.DOTALL | re.IGNORECASE)
-_OPEN_THINKING = re.compile(r"\A\s*<think(?:ing)?>", re.IGNORECASE)
+from pipeline.models.quoting import one_line
+
+_REASONING = r"[<\[◁](?:think|thinking|thought|reasoning)[>\]▷]"
+_END = _REASONING.replace("(?:", "/(?:", 1)
+_THINKING = re.compile(rf"\A\s*{_REASONING}.*?{_END}|\A.*?{_END}(?=\s*(?:\n|\Z))", re.DOTALL | re.IGNORECASE)
+_OPEN_THINKING = re.compile(rf"\A\s*{_REASONING}", re.IGNORECASE)
+_BOX = re.compile(r"<\|(?:begin|end)_of_box\|>")
 _FENCE = re.compile(r"\A\s*```[\w-]*[ \t]*\n(.*?)\n?[ \t]*```\s*\Z", re.DOTALL)
+_FENCED_JSON = re.compile(r"\A([^`0-9]*)```(?:json)?[ \t]*\n([{\[][^`]*)```([^`0-9]*)\Z", re.IGNORECASE)
 _BULLET = re.compile(r"\A[-*•]\s+")
 _NUMBERED = re.compile(r"\A[0-9]{1,2}[.)]\s+")
 _QUOTES = "\"'`“”‘’"
+_WIDE = str.maketrans("０１２３４５６７８９：，。！（）", "0123456789:,.!()")
+"""Full-width forms as Chinese and Japanese have them, one for one, so that positions in a line stay."""
 
+_PICTURE = "图像|图片|圖像|圖片|画像|图|圖"
+_IMAGE = rf"(?:(?:image|picture|bild)\s+|(?:{_PICTURE})\s*)#?"
 _INDEX_LINE = re.compile(
-    r"(?:(?:the |best |final |selected |chosen )*(?:index|answer|choice)(?: is)?[:=]? *)?"
-    r"#?\(?\[?([0-9]{1,4})\]?\)?[.:]?",
+    r"(?:(?:the |best |final |selected |chosen |beste |die )*"
+    rf"(?:index|answer|choice|antwort|image|picture|bild|答案|回答|索引|选择|選択|{_PICTURE})"
+    r"(?: is| ist|是|は)?[:=]? *)?#?\(?\[?([0-9]{1,4})\]?\)?[.:]?",
     re.IGNORECASE,
 )
 _INDEX_ECHO = re.compile(r"([0-9]{1,4}):\s+\S.*")
-_IMAGE_HEADER = re.compile(r"\W*image\s+#?([0-9]{1,4})\W*", re.IGNORECASE)
-_IMAGE_INLINE = re.compile(r"\W*image\s+#?([0-9]{1,4})\s*(?::|[-–—]\s)[\s*_]*(\S.*)", re.IGNORECASE)
-_IMAGE_MENTION = re.compile(r"\W*image\s+#?[0-9]", re.IGNORECASE)
+_IMAGE_HEADER = re.compile(rf"\W*{_IMAGE}([0-9]{{1,4}})\W*", re.IGNORECASE)
+_IMAGE_INLINE = re.compile(rf"\W*{_IMAGE}([0-9]{{1,4}})\s*(?::|[-–—]\s)[\s*_]*(\S.*)", re.IGNORECASE)
+_IMAGE_MENTION = re.compile(rf"\W*{_IMAGE}[0-9]", re.IGNORECASE)
+_YES = frozenset({"yes", "ja", "是", "是的", "有", "はい"})
+_NO = frozenset({"no", "nein", "否", "不是", "没有", "沒有", "いいえ"})
 _VERDICT = re.compile(
-    r"image\s+#?([0-9]{1,4})\s*(?:[:=]|[-–—]\s)\s*(yes|no)\s*(?:[.,;:!(–—-]+(.*))?", re.IGNORECASE | re.DOTALL
+    rf"{_IMAGE}([0-9]{{1,4}})\s*(?:[:=]|[-–—]\s)\s*({'|'.join(sorted(_YES | _NO, key=len, reverse=True))})"
+    r"\s*(?:[.,;:!(–—-]+(.*))?",
+    re.IGNORECASE | re.DOTALL,
 )
-_YES_OR_NO = re.compile(r"\b(?:yes|no)\b", re.IGNORECASE)
-_MARK = re.compile(
-    r"your\s+mark\s*(?::|=|\bis\b)\s*(-?[0-9]+(?:[.,][0-9]+)?)(?:\s*(?:/|out of)\s*5)?(?![\w/])", re.IGNORECASE
-)
+_YES_OR_NO = re.compile(r"\b(?:yes|no|ja|nein)\b|是的|不是|否|没有|沒有|はい|いいえ", re.IGNORECASE)
+_NOTHING = frozenset({"none", "(none)", "keine", "无", "無", "なし"})
+_MARK = re.compile(r"your\s+mark\s*(?::|=|\bis\b)\s*([1-5])(?:\s*(?:/|out of)\s*5)?\.?", re.IGNORECASE)
+_MARK_BELOW = re.compile(r"(your\s+mark\s*[:=])\s*\n\s*", re.IGNORECASE)
 _BARE_MARK = re.compile(r"([1-5])(?:\s*/\s*5)?\.?")
+_CAPTION_LABEL = re.compile(r"\A(?:caption|description)\s*:\s*", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,22 +72,31 @@ def parse_text(text: str) -> str | None:
     return _unwrap(text) or None
 
 
+def parse_caption(text: str) -> str | None:
+    """Return the description of a picture in one line, without a label before it, or None when nothing is left."""
+    return _CAPTION_LABEL.sub("", " ".join(_unwrap(text).replace("*", "").split())) or None
+
+
 def parse_evidence(text: str, vocabulary: Sequence[str], k: int) -> tuple[str, ...] | None:
     """Return the evidence categories of a reply, most useful first.
 
     Args:
-        text: One name a line; a comma-separated line or a JSON list of names also counts. Lines that are no name
-            of the vocabulary are passed over.
+        text: One name a line; a comma-separated line, a JSON list of names or an object with such a list in
+            `categories` also counts. What is no name of the vocabulary is passed over.
         vocabulary: Names that may be chosen; case does not count.
         k: Names kept, at least 1.
 
     Returns:
-        Up to k names of the vocabulary without repeats; () for an explicit "none"; None when no name can be read.
+        Up to k names of the vocabulary without repeats; () for an explicit "none" or an empty list in `categories`;
+        None when no name can be read.
     """
-    names = {_name(name): name for name in vocabulary} | {name.casefold(): name for name in vocabulary}
-    names |= {name: name for name in vocabulary}
+    # A prompt shows names as data, so a model gives that form back; closer forms come later and win.
+    names = {_name(one_line(name)): name for name in vocabulary} | {_name(name): name for name in vocabulary}
+    names |= {name.casefold(): name for name in vocabulary} | {name: name for name in vocabulary}
     body = _unwrap(text)
-    data = _value(body)
+    if _json(body) == {"categories": []}:
+        return ()
+    data = _value(body, "categories")
     lines = [item for item in data if isinstance(item, str)] if isinstance(data, list) else _lines(body)
     found: dict[str, None] = {}
     for line in lines:
@@ -77,7 +104,7 @@ def parse_evidence(text: str, vocabulary: Sequence[str], k: int) -> tuple[str, .
         pieces = [whole] if whole is not None else [_look_up(piece, names) for piece in line.split(",")]
         if None not in pieces:
             found |= dict.fromkeys(piece for piece in pieces if piece is not None)
-    if not found and _name(body) in ("none", "(none)"):
+    if not found and _name(body) in _NOTHING:
         return ()
     return tuple(found)[:k] or None
 
@@ -85,11 +112,12 @@ def parse_evidence(text: str, vocabulary: Sequence[str], k: int) -> tuple[str, .
 def parse_index(text: str, count: int) -> int | None:
     """Return the index a reply names, 0 to count - 1.
 
-    Either one line of the reply is an index and nothing else ("2", "Index: 2", "**2.**", {"index": 2}) or the
-    whole reply is one candidate line given back ("2: the sofa is red"). Two different indices are none.
+    Either one line of the reply is an index and nothing else ("2", "Index: 2", "Image 2", "**2.**"), or the reply is
+    JSON ({"index": 2}), or the whole reply is one candidate line given back ("2: the sofa is red"). Two different
+    indices are none.
     """
     body = _unwrap(text)
-    data = _value(body)
+    data = _value(body, "index")
     if isinstance(data, int) and not isinstance(data, bool):
         return data if 0 <= data < count else None
     lines = [_plain(line.replace("*", "")) for line in _lines(body) if line.strip()]
@@ -115,10 +143,11 @@ def parse_image_answer(text: str, count: int) -> ImageAnswer | None:
     lines = _lines(body)
     headers: list[tuple[int, int, str]] = []
     for number, line in enumerate(lines):
-        if match := _IMAGE_HEADER.fullmatch(line):
+        narrow = line.translate(_WIDE)
+        if match := _IMAGE_HEADER.fullmatch(narrow):
             headers.append((number, int(match.group(1)), ""))
-        elif match := _IMAGE_INLINE.fullmatch(line):
-            headers.append((number, int(match.group(1)), match.group(2)))
+        elif match := _IMAGE_INLINE.fullmatch(narrow):
+            headers.append((number, int(match.group(1)), line[match.start(2) :]))
     if len(headers) != 1:
         return None
     number, index, inline = headers[0]
@@ -146,25 +175,33 @@ def parse_yes_no(text: str, count: int) -> tuple[bool, ...] | None:
         index = int(match.group(1))
         if index in found or _YES_OR_NO.search(match.group(3) or ""):
             return None
-        found[index] = match.group(2).lower() == "yes"
+        found[index] = match.group(2).lower() in _YES
     if count < 1 or sorted(found) != list(range(count)):
         return None
     return tuple(found[index] for index in range(count))
 
 
 def parse_mark(text: str) -> int | None:
-    """Return the mark of a judge's reply, 1 to 5: "Your mark: d", or a digit alone. Two different marks are none."""
-    body = _plain(_unwrap(text).replace("*", ""))
-    if match := _BARE_MARK.fullmatch(body):
+    """Return the mark of a judge's reply, 1 to 5: a line "Your mark: d", or a digit or {"mark": d} as a whole.
+
+    A mark within a sentence is passed over, since a judge may quote the answer it marks, and an answer may name a mark.
+    Two lines with different marks are none.
+    """
+    body = _unwrap(text).replace("*", "").translate(_WIDE)
+    data = _json(body)
+    if isinstance(data, dict):
+        mark = data.get("mark")
+        return mark if isinstance(mark, int) and not isinstance(mark, bool) and 1 <= mark <= 5 else None
+    if match := _BARE_MARK.fullmatch(_plain(body)):
         return int(match.group(1))
-    found = set(_MARK.findall(body))
-    mark = found.pop() if len(found) == 1 else ""
-    return int(mark) if mark in ("1", "2", "3", "4", "5") else None
+    lines = _lines(_MARK_BELOW.sub(r"\1 ", body))
+    found = {int(match.group(1)) for line in lines if (match := _MARK.fullmatch(_plain(line)))}
+    return found.pop() if len(found) == 1 else None
 
 
 def _unwrap(text: str) -> str:
     """Drop a reasoning block and a code fence; a reasoning block that never ends leaves nothing to read."""
-    text = _THINKING.sub("", text)
+    text = _BOX.sub("", _THINKING.sub("", text, count=1))
     if _OPEN_THINKING.match(text):
         return ""
     if match := _FENCE.fullmatch(text):
@@ -178,8 +215,8 @@ def _lines(body: str) -> list[str]:
 
 
 def _plain(line: str) -> str:
-    """Drop a bullet, bold marks, quotes and surrounding space."""
-    return _BULLET.sub("", line.strip()).strip().strip("*_").strip(_QUOTES).strip("*_ ")
+    """Drop a bullet, bold marks, quotes, surrounding space and full-width forms."""
+    return _BULLET.sub("", line.translate(_WIDE).strip()).strip().strip("*_").strip(_QUOTES).strip("*_ ")
 
 
 def _name(line: str) -> str:
@@ -192,14 +229,21 @@ def _look_up(line: str, names: Mapping[str, str]) -> str | None:
     return next((names[form] for form in forms if form in names), None)
 
 
-def _value(text: str) -> Any:
-    """Return the value of a reply that is JSON as a whole, out of an object with one field; else None."""
+def _value(text: str, field: str) -> Any:
+    """Return the value of a reply that is JSON, out of an object's field or its only field; else None."""
     data = _json(text)
-    return next(iter(data.values())) if isinstance(data, dict) and len(data) == 1 else data
+    if not isinstance(data, dict):
+        return data
+    return data.get(field) if field in data or len(data) != 1 else next(iter(data.values()))
 
 
 def _json(text: str) -> Any:
-    """Return the value of a reply that is JSON as a whole, else None; a field given twice is unreadable."""
+    """Return the value of a reply that is JSON, else None; a field given twice is unreadable.
+
+    One fenced block of JSON may have words around it, but no digits: those could say something else.
+    """
+    if match := _FENCED_JSON.match(text):
+        text = match.group(2)
     if text[:1] not in ("{", "["):
         return None
     try:

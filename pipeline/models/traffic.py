@@ -7,9 +7,11 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from pipeline.models.admission import Admission, Concurrency
+from pipeline.models.admission import Admission, Concurrency, Done
 from pipeline.models.budget import Budget, BudgetConfig, Spend
+from pipeline.models.cache import CallCache
 from pipeline.models.config import EndpointConfig, ModelConfig
+from pipeline.models.estimate import Price
 from pipeline.models.journal import Journal
 from pipeline.models.rate import RateWindow
 
@@ -22,6 +24,7 @@ def open_admissions(
     caps: BudgetConfig,
     folder: Path,
     session: str,
+    calls: Path | None = None,
     *,
     clock: Callable[[], float] = time.monotonic,
     wall_clock: Callable[[], float] = time.time,
@@ -33,6 +36,8 @@ def open_admissions(
         caps: The run's caps.
         folder: The run's journals.
         session: Name of this session: calls that an admission of the same session let through may be under way.
+        calls: Folder of stored replies. A call of an earlier session whose end nobody noted, but whose reply is
+            there, used what that says. None where replies are not stored.
         clock: Monotonic seconds, as the admissions' callers will use.
         wall_clock: Seconds since 1970.
     """
@@ -42,6 +47,8 @@ def open_admissions(
         endpoint = models.endpoints[name]
         journal = Journal(folder / f"{_file_name(name)}.jsonl", session, wall_clock)
         admission = _admission(endpoint, budget, journal)
+        if calls is not None:
+            _end_answered(journal, CallCache(calls), endpoint.price or Price())
         past, now_s = journal.read(), clock()
         budget.spent.add(past.spent.calls, past.spent.tokens, past.spent.usd)
         for call in past.calls:
@@ -49,6 +56,15 @@ def open_admissions(
             admission.restore(call.wish, now_s - call.age_s, call.tokens, under_way=under_way)
         admissions[name] = admission
     return admissions
+
+
+def _end_answered(journal: Journal, cache: CallCache, price: Price) -> None:
+    """Note the end of calls that were answered, and stored, by a process killed before it could say so."""
+    for wish in journal.unended():
+        reply = cache.get(wish.key)
+        if reply is not None:
+            usd = price.of(reply.prompt_tokens, reply.completion_tokens)
+            journal.record(Done(wish.id, reply.prompt_tokens + reply.completion_tokens or None, usd))
 
 
 def _admission(endpoint: EndpointConfig, budget: Budget, journal: Journal) -> Admission:

@@ -1,4 +1,4 @@
-"""What the models decide on a proposal: view answers, choices, the answers of each arm, verification and marks."""
+"""What the models decide on a proposal: chosen views, the answers of each arm, verification and marks."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from typing import Any
 
 from pipeline.config import MethodConfig
 from pipeline.models.caller import Caller
-from pipeline.query.judge import Choice, answer_views, choose_views
+from pipeline.query.judge import Choice
+from pipeline.query.savings import SAME_VIEWS, Saved, Savings
 from pipeline.query.stopwatch import StageTime, Stopwatch
 from pipeline.query.verify import FINAL, INITIAL, verify_answers
 from pipeline.tasks.eqa import answer_eqa
@@ -18,6 +19,7 @@ from pipeline.tasks.ground_one import ground_one
 from pipeline.tasks.marks import Mark, mark_answers
 from pipeline.tasks.proposal import Proposal
 from pipeline.tasks.task_answer import TaskAnswer
+from pipeline.tasks.view_judging import ViewJudging
 from schemas.answers import Status
 from schemas.calls import CallRow
 from schemas.errors import QuestionError
@@ -57,6 +59,8 @@ class Decision:
     """Calls made."""
     times: tuple[StageTime, ...]
     """Seconds by stage."""
+    saved: tuple[Saved, ...] = ()
+    """Calls not made."""
 
 
 async def decide(question: Question, proposal: Proposal, caller: Caller, config: MethodConfig) -> Decision:
@@ -82,7 +86,7 @@ async def decide(question: Question, proposal: Proposal, caller: Caller, config:
         return await case.decide()
     except QuestionError as error:
         failed = undecided("failed", f"{type(error).__name__}: {error}")
-        return replace(failed, calls=tuple(case.calls), times=case.watch.times())
+        return replace(failed, calls=tuple(case.calls), times=case.watch.times(), saved=case.savings.entries())
 
 
 def undecided(status: Status, reason: str, text: str = "") -> Decision:
@@ -100,18 +104,13 @@ class _Case:
     def __init__(self, question: Question, proposal: Proposal, caller: Caller, config: MethodConfig) -> None:
         self.question, self.proposal, self.caller, self.config = question, proposal, caller, config
         self.calls: list[CallRow] = []
-        self.watch = Stopwatch()
-        self.view_answers: list[str | None] = [None] * len(proposal.pictures)
+        self.watch, self.savings = Stopwatch(), Savings()
+        self.exact = config.judging.exact_savings
+        self.views = ViewJudging(question, proposal, caller, config.judging, self.calls, self.watch, self.savings)
 
     async def decide(self) -> Decision:
         groups = self.proposal.seen
-        await self._answer_views()
-        with self.watch.stage("choice", len(groups)):
-            texts = [[self.view_answers[c.picture] for c in group.candidates] for group in groups]
-            # With one candidate there is nothing to ask, not even what it shows.
-            open_groups = [text for text in texts if len(text) > 1]
-            made = iter(await choose_views(self.question, open_groups, self.caller, self.calls))
-            choices = [next(made) if len(text) > 1 else Choice(0) for text in texts]
+        choices = await self.views.choose()
         initial_views = [group.candidates[0].picture for group in groups]
         final_views = [
             None if choice.candidate is None else group.candidates[choice.candidate].picture
@@ -121,25 +120,21 @@ class _Case:
         verified, stands = await self._verify(initial, final, initial_views, final_views)
         arms = await self._marked([initial, final, verified])
         chosen = tuple(choice.candidate for choice in choices)
-        return Decision(tuple(self.view_answers), chosen, arms, stands, tuple(self.calls), self.watch.times())
+        times, saved = self.watch.times(), self.savings.entries()
+        return Decision(tuple(self.views.answers), chosen, arms, stands, tuple(self.calls), times, saved)
 
-    async def _answer_views(self) -> None:
-        judged = [group for group in self.proposal.seen if len(group.candidates) > 1]
-        asked = sorted({candidate.picture for group in judged for candidate in group.candidates})
-        with self.watch.stage("view_answer", len(asked)):
-            images = [self.proposal.pictures[picture] for picture in asked]
-            subjects = [self.proposal.candidate_of(picture).id for picture in asked]
-            answers = await answer_views(self.question, images, subjects, self.caller, self.calls)
-        for picture, answer in zip(asked, answers, strict=True):
-            self.view_answers[picture] = answer
+    @property
+    def _spared(self) -> Savings | None:
+        """Where spared calls are counted; None where none is to be spared."""
+        return self.savings if self.exact else None
 
     async def _answer(self, name: str, pictures: tuple[int, ...], calls: list[CallRow]) -> Arm:
         images = [self.proposal.pictures[picture] for picture in pictures]
         if self.question.task == "eqa":
             result = await answer_eqa(self.question, images, name, self.caller, calls)
         elif self.question.task == "ground_one":
-            known = self.view_answers[pictures[0]] if len(pictures) == 1 else None
-            result = await ground_one(self.question, images, known, name, self.caller, calls)
+            known = self.views.answers[pictures[0]] if len(pictures) == 1 else None
+            result = await ground_one(self.question, images, known, name, self.caller, calls, self._spared)
         else:
             result = await ground_many(self.question, images, name, self.caller, calls)
         return Arm(name, result, pictures, _UNMARKED)
@@ -150,7 +145,8 @@ class _Case:
         """Answer from the initial and the final views; once where they are the same views."""
         initial_frames, final_frames = _frames(initial_views), _frames(final_views)
         readable = all(choice.candidate is not None for choice in choices)
-        again = readable and final_frames != initial_frames
+        same = final_frames == initial_frames
+        again = readable and not (same and self.exact)
         initial_calls: list[CallRow] = []
         final_calls: list[CallRow] = []
         asks = [self._answer("initial", initial_frames, initial_calls)]
@@ -164,6 +160,7 @@ class _Case:
         if again:
             return arms[0], arms[1]
         if readable:
+            self.savings.add("answer", SAME_VIEWS)
             return arms[0], replace(arms[0], name="final")
         reason = next(choice.reason for choice in choices if choice.candidate is None)
         return arms[0], Arm("final", TaskAnswer("unparsed", reason, "", ()), (), _UNMARKED)
@@ -172,7 +169,12 @@ class _Case:
         self, initial: Arm, final: Arm, initial_views: list[int], final_views: list[int | None]
     ) -> tuple[Arm, str]:
         """Return the verified arm and what stands (docs/decisions/0002-verification.md)."""
-        if not self.config.judging.verify or initial.pictures == final.pictures:
+        same = initial.pictures == final.pictures
+        if not self.config.judging.verify:
+            return replace(final, name="verified"), ""
+        if same and self.exact:
+            if final.result.status == "answered":
+                self._count_nothing_to_verify(initial_views)
             return replace(final, name="verified"), ""
         if final.result.status != "answered":
             return replace(initial, name="verified"), "initial"
@@ -182,41 +184,63 @@ class _Case:
             return replace(final, name="verified"), "final"
         with self.watch.stage("verify", 1):
             pair = (initial.result.text, final.result.text)
-            stands = (await verify_answers(self.question, [pair], [""], self.caller, self.calls))[0]
+            stands = (await verify_answers(self.question, [pair], [""], self.caller, self.calls, self._spared))[0]
         if stands is None:
             return Arm("verified", TaskAnswer("unparsed", _UNVERIFIED, "", ()), (), _UNMARKED), ""
+        if same:
+            return replace(final, name="verified"), ""
         if stands == INITIAL:
             return replace(initial, name="verified"), "initial"
         return replace(final, name="verified"), "final"
+
+    def _count_nothing_to_verify(self, initial_views: list[int]) -> None:
+        if self.question.task != "ground_many":
+            self.savings.add("verify", SAME_VIEWS)
+            return
+        self.savings.add("verify", SAME_VIEWS, sum(map(self._has_answer, initial_views)))
+        self.savings.add("answer", SAME_VIEWS)
+
+    def _has_answer(self, picture: int) -> bool:
+        """Return whether a picture got an answer of its own, or would have without savings."""
+        if self.config.judging.design == "image":
+            return False
+        return picture not in self.views.asked or self.views.answers[picture] is not None
 
     async def _verify_clusters(
         self, initial: Arm, final: Arm, initial_views: list[int], final_views: list[int | None]
     ) -> tuple[Arm, str]:
         """Verify each cluster's chosen view against its initial one, by what the model said of each alone."""
+        both = list(zip(initial_views, final_views, strict=True))
+        # The choice by images asked for no answers.
+        await self.views.answer(view for first, last in both if last not in (None, first) for view in (first, last))
         pairs: dict[int, tuple[str, str]] = {}
         stands: list[int] = [FINAL] * len(initial_views)
-        for number, (first, last) in enumerate(zip(initial_views, final_views, strict=True)):
-            before, after = self.view_answers[first], self.view_answers[last] if last is not None else None
-            if first == last or after is None:
+        for number, (first, last) in enumerate(both):
+            before, after = self.views.answers[first], self.views.answers[last] if last is not None else None
+            if first == last and self.exact:
+                stands[number] = INITIAL
+                self.savings.add("verify", SAME_VIEWS, int(self._has_answer(first)))
+            elif after is None:
                 stands[number] = INITIAL
             elif before is not None:
                 pairs[number] = (before, after)
         with self.watch.stage("verify", len(pairs)):
             subjects = [f"cluster {number}" for number in pairs]
-            verdicts = await verify_answers(self.question, list(pairs.values()), subjects, self.caller, self.calls)
+            texts = list(pairs.values())
+            verdicts = await verify_answers(self.question, texts, subjects, self.caller, self.calls, self._spared)
         for number, verdict in zip(pairs, verdicts, strict=True):
             if verdict is None:
                 return Arm("verified", TaskAnswer("unparsed", _UNVERIFIED, "", ()), (), _UNMARKED), ""
             stands[number] = verdict
-        decided = zip(initial_views, final_views, stands, strict=True)
-        views = [last if verdict == FINAL else first for first, last, verdict in decided]
+        views = [last if verdict == FINAL else first for (first, last), verdict in zip(both, stands, strict=True)]
         frames = _frames(views)
-        if frames == final.pictures:
-            return replace(final, name="verified"), "final"
-        if frames == initial.pictures:
-            return replace(initial, name="verified"), "initial"
+        arm = "final" if frames == final.pictures else "initial" if frames == initial.pictures else "mixed"
+        if arm != "mixed" and self.exact:
+            self.savings.add("answer", SAME_VIEWS)
+            return replace(final if arm == "final" else initial, name="verified"), arm
         with self.watch.stage("answer", 1):
-            return await self._answer("verified", frames, self.calls), "mixed"
+            verified = await self._answer("verified", frames, self.calls)
+        return verified, "" if initial.pictures == final.pictures else arm
 
     async def _marked(self, arms: list[Arm]) -> tuple[Arm, ...]:
         if not self.config.judging.mark or self.question.answer is None:
@@ -225,7 +249,7 @@ class _Case:
         texts = [arm.result.text if arm.result.status == "answered" else None for arm in arms]
         with self.watch.stage("judge", len({text for text in texts if text is not None})):
             names = [arm.name for arm in arms]
-            marks = await mark_answers(self.question, texts, names, self.caller, self.calls)
+            marks = await mark_answers(self.question, texts, names, self.caller, self.calls, self._spared)
         return tuple(replace(arm, mark=mark) for arm, mark in zip(arms, marks, strict=True))
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from pipeline.models.caller import Caller
 from pipeline.models.messages import ImagePart
+from pipeline.query.savings import ONE_IMAGE, Savings
 from pipeline.tasks.eqa import ask_image_answer
 from pipeline.tasks.task_answer import TaskAnswer, unreadable
 from schemas.calls import CallRow
@@ -19,6 +20,7 @@ async def ground_one(
     arm: str,
     caller: Caller,
     calls: list[CallRow],
+    savings: Savings | None,
 ) -> TaskAnswer:
     """Return the one image (L' = 1) that shows the target, and what the model says of it.
 
@@ -32,8 +34,10 @@ async def ground_one(
         arm: initial, final or verified.
         caller: Sends the call.
         calls: Where the rows are appended.
+        savings: Counts the call when it is spared; None to make it.
     """
-    if len(images) == 1 and known is not None:
+    if savings is not None and len(images) == 1 and known is not None:
+        savings.add("answer", ONE_IMAGE)
         return TaskAnswer("answered", "", known, (0,))
     value = await ask_image_answer(question, images, arm, caller, calls)
     return unreadable(arm) if value is None else TaskAnswer("answered", "", value.answer, (value.index,))

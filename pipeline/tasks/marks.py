@@ -9,6 +9,7 @@ from pipeline.metrics.llm_match import cut_prediction
 from pipeline.models.caller import Caller
 from pipeline.models.replies import parse_mark
 from pipeline.query.ask_all import ask_all
+from pipeline.query.savings import EQUAL_ANSWERS, Savings
 from schemas.calls import CallRow
 from schemas.questions import Question
 
@@ -24,7 +25,12 @@ class Mark:
 
 
 async def mark_answers(
-    question: Question, answers: Sequence[str | None], arms: Sequence[str], caller: Caller, calls: list[CallRow]
+    question: Question,
+    answers: Sequence[str | None],
+    arms: Sequence[str],
+    caller: Caller,
+    calls: list[CallRow],
+    savings: Savings | None,
 ) -> list[Mark]:
     """Return the mark of every answer; equal texts are judged once.
 
@@ -34,8 +40,14 @@ async def mark_answers(
         arms: Names of the arms that gave them; a call's row names all that gave the text it judges.
         caller: Sends the calls.
         calls: Where the rows are appended.
+        savings: Counts the marks not asked for; None to ask for each arm's.
     """
-    texts = list(dict.fromkeys(answer for answer in answers if answer is not None))
+    given = [(arm, text) for arm, text in zip(arms, answers, strict=True) if text is not None]
+    subjects = given
+    if savings is not None:
+        texts = dict.fromkeys(text for _, text in given)
+        subjects = [(", ".join(arm for arm, said in given if said == text), text) for text in texts]
+        savings.add("judge", EQUAL_ANSWERS, len(given) - len(subjects))
     asks = [
         caller.ask(
             "judge",
@@ -48,12 +60,12 @@ async def mark_answers(
             (),
             parse_mark,
             question=question,
-            subject=", ".join(arm for arm, answer in zip(arms, answers, strict=True) if answer == text),
+            subject=subject,
         )
-        for text in texts
+        for subject, text in subjects
     ]
     values = await ask_all(asks, calls)
-    marks = dict(zip(texts, values, strict=True))
+    marks = dict(zip((text for _, text in subjects), values, strict=True))
     found = []
     for answer in answers:
         if answer is None:

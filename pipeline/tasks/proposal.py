@@ -13,8 +13,9 @@ from pipeline.models.messages import ImagePart
 from pipeline.query.candidates import Picture, Source
 from pipeline.query.evidence import Evidence
 from pipeline.query.initial_views import by_visible_size
-from pipeline.query.perturb import novel_poses
+from pipeline.query.perturb import NovelPose, explored_pose, novel_poses
 from pipeline.query.stopwatch import StageTime, Stopwatch
+from pipeline.query.view_quality import ViewQuality, view_quality
 from pipeline.tasks.context import FoundCluster, SceneContext
 from schemas.answers import Status
 from schemas.questions import Question
@@ -34,8 +35,8 @@ class Candidate:
     """Length of the move asked for, metres."""
     moved_m: float
     """Length of the move made, metres."""
-    visibility: float
-    """S_vis of the cluster from here at the pictures' size, 0 to 1."""
+    quality: ViewQuality
+    """How well it shows the cluster, at the pictures' size."""
     source: Source
     """photo or render."""
     picture: int
@@ -131,6 +132,7 @@ def propose(context: SceneContext, question: Question, evidence: Evidence, confi
         order = by_visible_size(tuple(cluster.initial for cluster in clusters))
     ranked = [clusters[position] for position in order]
     kept = [c for c in ranked if c.initial.view is not None][: config.initial_views.max_clusters(question)]
+    _prepare_search(context, watch, config)
     album = _Album()
     groups = [_group(context, number, cluster, album, watch, config) for number, cluster in enumerate(kept)]
     unseen = [cluster for cluster in ranked if cluster.initial.view is None]
@@ -163,34 +165,23 @@ def _group(
 ) -> Group:
     view_number = cluster.initial.view
     assert view_number is not None
-    view, up = context.scene.views[view_number], context.scene.up
-    with watch.stage("perturb", config.novel_views.count):
-        free = context.free_distances(view_number, config.novel_views)
-        poses = novel_poses(context.gaussians, view.camera, cluster.centre, up, config.novel_views, free)
-    book = context.pictures(config.images)
+    view = context.scene.views[view_number]
+    poses = _novel_poses(context, cluster, view_number, watch, config)
     with watch.stage("render", 1 + len(poses)):
-        first = book.render(view.camera, view)
-        pictures = [book.render(pose.camera) for pose in poses]
+        cameras = [view.camera, *(pose.camera for pose in poses)]
+        pictures = context.pictures(config.images).render_all(cameras, [view, *(None for _ in poses)])
+    with watch.stage("quality", len(pictures)):
+        seen, means = context.times_seen(config), context.scene.gaussians.means
+        qualities = [
+            view_quality(picture.footprint, pictures[0].footprint, cluster.ids, means, camera, seen)
+            for picture, camera in zip(pictures, cameras, strict=True)
+        ]
+    names = [view.name, *(f"{view.name}/{number}/{pose.move}" for pose in poses)]
+    moves = [NovelPose("initial", view.camera, 0.0, 0.0), *poses]
     candidates = [
-        Candidate(
-            view.name, "initial", view.camera, 0.0, 0.0, first.visibility(cluster.ids), first.source, album.add(first)
-        )
+        Candidate(name, m.move, m.camera, m.requested_m, m.moved_m, quality, picture.source, album.add(picture))
+        for name, m, quality, picture in zip(names, moves, qualities, pictures, strict=True)
     ]
-    for pose, picture in zip(poses, pictures, strict=True):
-        name = f"{view.name}/{number}/{pose.move}"
-        visibility = picture.visibility(cluster.ids)
-        candidates.append(
-            Candidate(
-                name,
-                pose.move,
-                pose.camera,
-                pose.requested_m,
-                pose.moved_m,
-                visibility,
-                picture.source,
-                album.add(picture),
-            )
-        )
     return Group(
         number,
         cluster.category,
@@ -201,6 +192,29 @@ def _group(
         cluster.initial.visible,
         tuple(candidates),
     )
+
+
+def _prepare_search(context: SceneContext, watch: Stopwatch, config: MethodConfig) -> None:
+    """Make what a search for views needs, once a scene, so that no question's time holds it."""
+    if config.novel_views.policy == "explore" and config.novel_views.count:
+        explorer = context.explorer(config)
+        if not explorer.prepared:
+            with watch.stage("space", len(context.scene.views), whole_scene=True):
+                explorer.prepare()
+
+
+def _novel_poses(
+    context: SceneContext, cluster: FoundCluster, view_number: int, watch: Stopwatch, config: MethodConfig
+) -> tuple[NovelPose, ...]:
+    """Return the novel poses of a cluster, moved from its initial view or searched for."""
+    novel, camera = config.novel_views, context.scene.views[view_number].camera
+    if novel.policy == "explore" and novel.count:
+        with watch.stage("explore", novel.count):
+            found = context.explorer(config).explore(cluster.ids, camera, novel.count)
+        return tuple(explored_pose(number, camera, pose) for number, pose in enumerate(found, start=1))
+    with watch.stage("perturb", novel.count):
+        free = context.free_distances(view_number, novel)
+        return novel_poses(context.gaussians, camera, cluster.centre, context.scene.up, novel, free)
 
 
 def _unseen(number: int, cluster: FoundCluster) -> Group:

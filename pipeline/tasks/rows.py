@@ -19,6 +19,7 @@ from pipeline.tasks.proposal import Proposal
 from pipeline.tasks.region import frustum_region
 from schemas.answers import AnswerRow, ArmRow
 from schemas.calls import CallRow, RegionRow, TimingRow
+from schemas.clusterings import ClusteringRow
 from schemas.evidence import CandidateRow, ClusterRow
 from schemas.questions import Question
 
@@ -34,6 +35,8 @@ class QuestionRows:
     """Table `answers`: one row."""
     arms: tuple[ArmRow, ...]
     """Table `arms`: one row an arm."""
+    clusterings: tuple[ClusteringRow, ...] = ()
+    """Table `clusterings`."""
     clusters: tuple[ClusterRow, ...] = ()
     """Table `clusters`."""
     candidates: tuple[CandidateRow, ...] = ()
@@ -76,7 +79,7 @@ def conclude(
 ) -> QuestionRows:
     """Return all rows of a question.
 
-    Ground-truth instances are read here, for the IoU, and nowhere before.
+    Ground-truth instances are read here, for the IoU and for the quality of clusters, and nowhere before.
 
     Args:
         context: The scene's caches.
@@ -94,6 +97,8 @@ def conclude(
             _ground(context, question, proposal, arm, truth, config) if grounds else _NOT_GROUNDED
             for arm in decision.arms
         ]
+    with watch.stage("cluster_quality", len(proposal.categories)):
+        clusterings = _clustering_rows(context, question, evidence, config)
     calls = evidence.calls + decision.calls
     times = (StageTime("evidence", evidence.seconds, len(evidence.calls)), *proposal.times, *decision.times)
     return QuestionRows(
@@ -101,6 +106,7 @@ def conclude(
         arms=tuple(
             _arm_row(question, proposal, arm, result) for arm, result in zip(decision.arms, grounded, strict=True)
         ),
+        clusterings=clusterings,
         clusters=_cluster_rows(question, proposal, decision),
         candidates=_candidate_rows(question, proposal, decision),
         regions=tuple(
@@ -223,6 +229,8 @@ def _answer_row(question: Question, proposal: Proposal, decision: Decision, call
         arm=decision.stands,
         frames=len(final.pictures),
         model=_models(calls),
+        calls_saved=sum(saved.calls for saved in decision.saved),
+        saved=tuple(str(saved) for saved in decision.saved),
     )
 
 
@@ -247,6 +255,35 @@ def _arm_row(question: Question, proposal: Proposal, arm: Arm, grounded: _Ground
         iou=grounded.iou,
         region_gaussians=grounded.size,
     )
+
+
+def _clustering_rows(
+    context: SceneContext, question: Question, evidence: Evidence, config: MethodConfig
+) -> tuple[ClusteringRow, ...]:
+    """One row for each category that was clustered; a question without evidence clustered nothing."""
+    rows = []
+    for category in evidence.categories if evidence.status == "answered" else ():
+        measured, clusters = context.measured_clusters(category, config), context.clusters(category, config)
+        activated, quality = len(context.activation(category, config.activation).ids), measured.quality
+        truth = quality.ari is not None
+        rows.append(
+            ClusteringRow(
+                question_id=question.question_id,
+                scene=question.scene,
+                category=category,
+                activated=activated,
+                epsilon_m=measured.epsilon_m,
+                clusters=len(clusters),
+                dropped=activated - sum(map(len, clusters)),
+                known=quality.points,
+                instances=quality.instances if truth else None,
+                ari=quality.ari,
+                over_split=quality.over_split if truth else None,
+                under_split=quality.under_split if truth else None,
+                matched=quality.matched if truth else None,
+            )
+        )
+    return tuple(rows)
 
 
 def _cluster_rows(question: Question, proposal: Proposal, decision: Decision) -> tuple[ClusterRow, ...]:
@@ -284,7 +321,14 @@ def _candidate_rows(question: Question, proposal: Proposal, decision: Decision) 
             world_to_camera=tuple(candidate.camera.world_to_camera.ravel().tolist()),
             requested_m=candidate.requested_m,
             moved_m=candidate.moved_m,
-            visibility=candidate.visibility,
+            visibility=candidate.quality.visibility,
+            area=candidate.quality.area,
+            centring=candidate.quality.centring,
+            truncation=candidate.quality.truncation,
+            touches_border=candidate.quality.touches_border,
+            new_gaussians=candidate.quality.new_gaussians,
+            unobserved=candidate.quality.unobserved,
+            floaters=candidate.quality.floaters,
             source=candidate.source,
             answer=answers.get(candidate.picture),
             chosen=choices.get(group.cluster) == position,

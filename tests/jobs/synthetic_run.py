@@ -13,6 +13,7 @@ from PIL import Image
 
 from schemas.answers import AnswerRow, ArmRow
 from schemas.calls import CallRow, TimingRow
+from schemas.clusterings import ClusteringRow
 from schemas.evidence import CandidateRow, ClusterRow
 from schemas.manifest import commit_unit
 from schemas.plan import PLAN_FILE, PlannedUnit, encode_plan
@@ -32,7 +33,8 @@ def synthetic_rows(questions: int = 60, seed: int = 0) -> dict[str, list[Any]]:
     """Return the rows of a run by table; the plan's questions are under "questions"."""
     rng = np.random.default_rng(seed)
     found: dict[str, list[Any]] = {
-        name: [] for name in ("questions", "answers", "arms", "clusters", "candidates", "calls", "timings")
+        name: []
+        for name in ("questions", "answers", "arms", "clusterings", "clusters", "candidates", "calls", "timings")
     }
     for number in range(questions):
         _add_question(found, number, rng)
@@ -154,6 +156,10 @@ def _marks(rng: np.random.Generator) -> Sequence[int]:
 
 def _add_views(found: dict[str, list[Any]], name: str, scene: str, number: int, rng: np.random.Generator) -> None:
     for cluster, category in enumerate(("sofa", "lamp")):
+        quality = (2, 0.875, 1, 0, 2) if category == "sofa" else (None,) * 5
+        found["clusterings"].append(
+            ClusteringRow(name, scene, category, 1000, 0.2, 3, 50, 900 if category == "sofa" else 0, *quality)
+        )
         view = f"frame_{number + cluster:03d}"
         found["clusters"].append(
             ClusterRow(name, scene, cluster, category, 900, (1.0, 2.5, 0.4), view, 0.41, 369, f"{view}/{cluster}/left")
@@ -171,6 +177,13 @@ def _add_views(found: dict[str, list[Any]], name: str, scene: str, number: int, 
                     requested_m=0.0 if move == "initial" else 0.3,
                     moved_m=0.0 if move == "initial" else (0.12 if move == "forward" else 0.3),
                     visibility=float(rng.random()),
+                    area=0.125,
+                    centring=0.25,
+                    truncation=0.5,
+                    touches_border=True,
+                    new_gaussians=7,
+                    unobserved=None,
+                    floaters=0.0625,
                     source="photo" if move == "initial" else "render",
                     answer=None if move == "backward" else f"I see a sofa {EVIL if number % 7 == 0 else ''}",
                     chosen=move == "left",

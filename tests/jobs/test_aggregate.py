@@ -31,7 +31,7 @@ def _frame(rows: list[Any], record: type[Any]) -> pd.DataFrame:
 
 def _tables(calls: list[CallRow], timings: list[TimingRow], questions: int = 4) -> dict[str, pd.DataFrame]:
     rows = synthetic_rows(questions)
-    tables = {name: pd.DataFrame([asdict(row) for row in rows[name]]) for name in ("answers", "arms")}
+    tables = {name: pd.DataFrame([asdict(row) for row in rows[name]]) for name in ("answers", "arms", "clusterings")}
     return tables | {"calls": _frame(calls, CallRow), "timings": _frame(timings, TimingRow)}
 
 

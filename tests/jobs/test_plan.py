@@ -3,12 +3,13 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
 import jobs.plan
 from jobs.plan import basis_of, plan_units
+from pipeline.models.messages import Stage
 from schemas.errors import InputError
 from schemas.question_file import save_questions
 from tests.jobs.conftest import MakeJob
@@ -79,7 +80,7 @@ def test_truth_about_objects_is_no_content_of_a_scene(make_scene: MakeScene, mak
 
 def test_basis_names_every_stage_prompt_and_model(make_scene: MakeScene, make_job: MakeJob) -> None:
     basis = basis_of(make_job())
-    assert set(basis.models) == {"evidence", "view_answer", "choice", "verify", "answer_one", "answer_many", "judge"}
+    assert set(basis.models) == set(get_args(Stage))
     assert set(basis.prompts) > set(basis.models) - {"evidence"}
     assert all(len(value) == 64 for value in basis.prompts.values())
     assert set(basis.method) == set(make_job().method.model_dump())

@@ -34,7 +34,7 @@ def _sheet(sheets: list[Sheet], key: str) -> Sheet:
 
 
 def test_make_sheets_every_row_fits_its_columns(sheets: list[Sheet]) -> None:
-    assert len({sheet.key for sheet in sheets}) == len(sheets) == 14
+    assert len({sheet.key for sheet in sheets}) == len(sheets) == 16
     for sheet in sheets:
         assert sheet.rows
         assert all(len(row) == len(sheet.columns) for row in sheet.rows), sheet.key
@@ -61,7 +61,7 @@ def test_make_sheets_of_an_empty_run_is_empty(tmp_path: Path) -> None:
 
 
 def test_format_tables_by_scene_only_when_asked(metrics: dict[str, pd.DataFrame]) -> None:
-    assert len(format_tables(metrics, by_scene=True)) == len(format_tables(metrics)) + 3
+    assert len(format_tables(metrics, by_scene=True)) == len(format_tables(metrics)) + 4
 
 
 def test_print_tables_shows_every_cell_whole(metrics: dict[str, pd.DataFrame]) -> None:

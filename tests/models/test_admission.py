@@ -10,8 +10,10 @@ import pytest
 
 from pipeline.models.admission import Admission, Concurrency, Done, Wish
 from pipeline.models.budget import Budget, BudgetConfig
+from pipeline.models.cache import CallCache
 from pipeline.models.config import EndpointConfig, ModelConfig
 from pipeline.models.journal import Journal
+from pipeline.models.messages import Reply
 from pipeline.models.rate import RateWindow
 from pipeline.models.traffic import open_admissions
 
@@ -215,3 +217,57 @@ def test_a_journal_cut_in_a_line_keeps_the_others(tmp_path: Path) -> None:
 def test_a_wall_clock_put_back_makes_lines_new_not_future(tmp_path: Path) -> None:
     Journal(tmp_path / "j", "s", wall_clock=lambda: 7200.0).record(Wish("a", 5, 0.0))
     assert Journal(tmp_path / "j", "s", wall_clock=lambda: 3600.0).read().calls[0].age_s == 0.0
+
+
+def test_calls_with_one_key_go_one_at_a_time_and_hold_no_others_up() -> None:
+    gate = admission()
+    for wish in (Wish("a", 10, 0.0, "k"), Wish("b", 10, 0.0, "k"), Wish("c", 10, 0.0, "other"), Wish("d", 10, 0.0)):
+        gate.wish(wish)
+    assert gate.grant(0.0).granted == ("a", "c", "d")
+    gate.wish(Wish("b", 10, 0.0, "k"))  # told again
+    gate.wish(Wish("e", 10, 0.0))
+    assert gate.grant(0.0).granted == ("e",)
+    gate.done(Done("a", 10, 0.0), 1.0)
+    assert gate.grant(1.0).granted == ("b",)
+
+
+def test_a_call_that_was_not_sent_never_counted(tmp_path: Path) -> None:
+    caps, clock = BudgetConfig(calls=1), {"clock": lambda: 0.0, "wall_clock": lambda: 0.0}
+    gate = open_admissions(MODELS, caps, tmp_path, "s1", **clock)["e"]
+    gate.wish(Wish("a", 10, 0.0))
+    gate.grant(0.0)
+    gate.done(Done("a", 0, 0.0, sent=False), 0.0)
+    assert gate.window.calls(0.0) == ()
+    gate.wish(Wish("b", 10, 0.0))
+    assert gate.grant(0.0).granted == ("b",)
+    gate.done(Done("b", 10, 0.0), 0.0)
+    past = Journal(next(tmp_path.iterdir()), "s2", wall_clock=lambda: 0.0).read()
+    assert (past.spent.calls, past.spent.tokens) == (1, 10)
+
+
+def test_calls_of_a_worker_that_died_are_given_up_when_another_takes_its_place() -> None:
+    gate = admission(concurrency=2, caps=BudgetConfig(tokens=1000))
+    for wish in (
+        Wish("w.1:0", 10, 0.0, "k"),
+        Wish("v.1:0", 10, 0.0),
+        Wish("w.1:1", 10, 0.0),
+        Wish("v.1:1", 10, 0.0, "k"),
+    ):
+        gate.wish(wish)
+    assert gate.grant(0.0).granted == ("w.1:0", "v.1:0")
+    gate.replaced("w", "w.2")
+    assert gate.budget.spent.tokens == 10, "it may have been answered all the same"
+    assert gate.grant(1.0).granted == ("v.1:1",)
+    gate.replaced("w", "w.2")
+    assert gate.budget.spent.tokens == 10
+
+
+def test_a_stored_reply_says_what_a_call_used_that_nobody_saw_end(tmp_path: Path) -> None:
+    keys = ("0" * 64, "1" * 64)
+    first = open_admissions(MODELS, BudgetConfig(), tmp_path / "journals", "s1", tmp_path)["e"]
+    for number, key in enumerate(keys):
+        first.wish(Wish(str(number), 100, 0.0, key))
+    assert first.grant(1e9).granted == ("0",)
+    CallCache(tmp_path).put(keys[0], Reply("1", 7, 2))
+    second = open_admissions(MODELS, BudgetConfig(), tmp_path / "journals", "s2", tmp_path)["e"]
+    assert (second.budget.spent.calls, second.budget.spent.tokens) == (1, 9)

@@ -416,3 +416,61 @@ def test_identity_holds_what_changes_a_reply_and_nothing_else(server: Server) ->
         assert _client(server, **same).identity() == base
     for other in ({"temperature": 0.5}, {"seed": 1}, {"images": {"side": 64}}, {"extra_body": {"a": 1}}):
         assert _client(server, **other).identity() != base
+
+
+class TestStructured:
+    CHOICE = Request("choice", (Message("user", ("Which?",)),), {"question": "Which?", "candidates": ["a", "b"]})
+
+    def test_json_schema_is_sent_strict_and_the_prompt_asks_for_it(self, server: Server) -> None:
+        _complete(_client(server, structured="json_schema"), self.CHOICE)
+        body = server.bodies[0]
+        assert body["response_format"]["type"] == "json_schema"
+        form = body["response_format"]["json_schema"]
+        assert (form["name"], form["strict"]) == ("choice", True)
+        assert form["schema"]["properties"] == {"index": {"type": "integer", "enum": [0, 1]}}
+        assert body["messages"][-1]["content"].startswith("Which?\n\n")
+        assert "JSON" in body["messages"][-1]["content"]
+
+    def test_json_object_names_no_schema(self, server: Server) -> None:
+        _complete(_client(server, structured="json_object"), self.CHOICE)
+        assert server.bodies[0]["response_format"] == {"type": "json_object"}
+        assert "JSON" in server.bodies[0]["messages"][-1]["content"]
+
+    @pytest.mark.parametrize("structured", ["none", "json_schema", "json_object"])
+    def test_free_text_and_plain_endpoints_send_no_form(self, server: Server, structured: str) -> None:
+        image = ImagePart(np.zeros((2, 2, 3), np.uint8))
+        request = Request("view_answer", (Message("user", ("Q", image)),), {"question": "Q"})
+        _complete(_client(server, structured=structured), request, *([self.CHOICE] if structured == "none" else []))
+        assert all("response_format" not in body for body in server.bodies)
+        assert all("JSON" not in json.dumps(body) for body in server.bodies)
+
+    def test_it_counts_in_the_identity_and_plain_text_keeps_its_old_one(self, server: Server) -> None:
+        identities = [_client(server, structured=way).identity() for way in ("none", "json_schema", "json_object")]
+        assert len({json.dumps(identity, sort_keys=True) for identity in identities}) == 3
+        assert "structured" not in identities[0]
+
+    @pytest.mark.parametrize(
+        "error",
+        [
+            {"message": "Invalid parameter: 'response_format' of type 'json_schema' is not supported.", "param": None},
+            {"message": "no such thing", "param": "response_format"},
+        ],
+    )
+    def test_a_server_that_refuses_it_stops_the_run_and_is_told_what_to_set(
+        self, server: Server, error: dict[str, Any]
+    ) -> None:
+        server.respond = lambda handler: handler.send(400, {"error": {"type": "x", "code": None, **error}})
+        with pytest.raises(StopError, match="takes no response_format json_schema: set structured of endpoint 'gpt'"):
+            _complete(_client(server, structured="json_schema"), self.CHOICE)
+        with pytest.raises(QuestionError):
+            _complete(_client(server), self.CHOICE)
+
+    def test_a_question_whose_words_are_repeated_cannot_stop_the_run(self, server: Server) -> None:
+        server.respond = lambda handler: handler.send(400, _error("bad request: what is a response_format?"))
+        request = Request("choice", (Message("user", ("What is a response_format?",)),), self.CHOICE.variables)
+        with pytest.raises(QuestionError):
+            _complete(_client(server, structured="json_schema"), request)
+
+    def test_a_second_response_format_is_refused(self) -> None:
+        with pytest.raises(ValueError, match="leave it out of extra_body"):
+            _client("http://x/v1", structured="json_schema", extra_body={"response_format": {"type": "text"}})

@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from pipeline.models.admission import Admission, Concurrency
+from pipeline.models.admission import Admission, Concurrency, Wish
 from pipeline.models.budget import Budget, BudgetConfig
 from pipeline.models.gate import BudgetError, Exchange, Gate, LocalAuthority, News
 from pipeline.models.rate import RateWindow
@@ -147,3 +147,18 @@ def test_places_of_a_gate_that_died_are_free_after_its_calls_must_have_ended() -
         return now_s()
 
     assert simulate(main()) == pytest.approx(60.0, abs=0.01)
+
+
+def test_a_gate_in_the_place_of_one_that_died_goes_on_at_once() -> None:
+    async def main() -> tuple[float, News]:
+        shared = authority(concurrency=1, lost_after_s=60.0)
+        dead = Gate(shared, "worker-1")
+        await dead.enter(1, key="k")
+        reborn = Gate(shared, "worker-1")
+        await reborn.enter(1, key="k")
+        late = await shared.exchange(Exchange(dead._name, (Wish(f"{dead._name}:9", 1, 0.0),)))
+        return now_s(), late
+
+    at, late = simulate(main())
+    assert at < 1.0
+    assert not late, "what arrives late from the dead one is not heard"

@@ -7,6 +7,7 @@ import pytest
 from pipeline.config import MethodConfig
 from pipeline.models.messages import Reply, Request
 from pipeline.query.evidence import Evidence
+from pipeline.query.savings import Savings
 from pipeline.tasks.context import SceneContext
 from pipeline.tasks.decision import Decision, decide
 from pipeline.tasks.ground_one import ground_one
@@ -175,8 +176,8 @@ class TestGroundOne:
     def test_one_image_skip_chooses_what_any_readable_reply_would(self, reply: str) -> None:
         image, caller = _proposal("table", task="ground_one").pictures[0], caller_of(Scripted({"answer_one": reply}))
         question = _question("ground_one")
-        asked = asyncio.run(ground_one(question, [image], None, "final", caller, []))
-        skipped = asyncio.run(ground_one(question, [image], "a table", "final", caller, []))
+        asked = asyncio.run(ground_one(question, [image], None, "final", caller, [], Savings()))
+        skipped = asyncio.run(ground_one(question, [image], "a table", "final", caller, [], Savings()))
         assert asked.chosen == skipped.chosen == (0,)
         assert asked.text != skipped.text == "a table"
 

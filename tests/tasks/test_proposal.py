@@ -41,7 +41,7 @@ def test_each_cluster_gets_its_initial_view_and_four_novel_ones(context: SceneCo
             f"{group.initial_view}/{number}/{move}" for move in ("left", "right", "forward", "backward")
         ]
         assert all(c.requested_m == 0.3 for c in group.candidates[1:])
-        assert group.candidates[0].visibility == group.visibility == group.visible / group.size
+        assert group.candidates[0].quality.visibility == group.visibility == group.visible / group.size
 
 
 def test_clusters_are_numbered_by_visible_size(context: SceneContext) -> None:
@@ -93,6 +93,72 @@ def test_equal_pictures_are_held_once_whatever_the_cache_keeps() -> None:
         assert len(proposal.pictures) == 3 + 2 * 4
 
 
+def test_every_candidate_is_measured_against_its_initial_view(context: SceneContext) -> None:
+    context.index(MethodConfig().visibility).build()
+    for group in _propose(context, "chair", "table").seen:
+        first, *others = [candidate.quality for candidate in group.candidates]
+        assert first.new_gaussians == 0
+        assert any(other.new_gaussians > 0 for other in others)
+        for quality in (first, *others):
+            assert 0 < quality.area < 1
+            assert 0 <= quality.centring <= 1
+            assert quality.unobserved is not None
+            assert 0 <= quality.unobserved <= 1
+
+
+def test_what_was_observed_is_unknown_with_a_lazy_index() -> None:
+    proposal = _propose(SceneContext(tiny_scene()), "chair", visibility={"build": "lazy"})
+    qualities = [candidate.quality for group in proposal.seen for candidate in group.candidates]
+    assert {(quality.unobserved, quality.floaters) for quality in qualities} == {(None, None)}
+
+
+EXPLORE = {"novel_views": {"policy": "explore", "count": 3, "explore": {"long_side": 48}}}
+
+
+@pytest.fixture(scope="module")
+def explored() -> Proposal:
+    return _propose(SceneContext(tiny_scene()), "chair", "table", **EXPLORE)
+
+
+class TestExplore:
+    """Policy `explore`."""
+
+    def test_candidates_are_the_initial_view_and_those_found(self, explored: Proposal) -> None:
+        for group in explored.seen:
+            assert [c.move for c in group.candidates] == ["initial", "explore_1", "explore_2", "explore_3"]
+            initial = group.candidates[0].camera.center
+            for candidate in group.candidates[1:]:
+                away = np.linalg.norm(candidate.camera.center - initial)
+                assert candidate.requested_m == candidate.moved_m == pytest.approx(away)
+                assert candidate.quality.unobserved is not None, "a search has the whole index rendered"
+
+    def test_some_view_found_shows_more_than_the_recorded_one(self, explored: Proposal) -> None:
+        for group in explored.seen:
+            assert max(c.quality.visibility for c in group.candidates[1:]) > group.visibility
+
+    def test_another_question_about_the_category_searches_no_more(self) -> None:
+        context, config = SceneContext(tiny_scene()), MethodConfig.model_validate(EXPLORE)
+        first = _propose(context, "chair", **EXPLORE)
+        renders = context.explorer(config).renders
+        again = _propose(context, "chair", **EXPLORE)
+        assert context.explorer(config).renders == renders > 0
+        assert [i.sha256() for i in again.pictures] == [i.sha256() for i in first.pictures]
+        stages = [[time.stage for time in proposal.times] for proposal in (first, again)]
+        assert ["space" in names for names in stages] == [True, False], "the map of free space is made once"
+
+    def test_two_threads_change_nothing(self, explored: Proposal) -> None:
+        other = _propose(SceneContext(tiny_scene(), threads=2), "chair", "table", **EXPLORE)
+        assert [i.sha256() for i in other.pictures] == [i.sha256() for i in explored.pictures]
+        measured = [[[c.quality for c in group.candidates] for group in p.seen] for p in (other, explored)]
+        assert measured[0] == measured[1]
+
+    def test_no_novel_view_needs_no_search(self) -> None:
+        settings = {"novel_views": {"policy": "explore", "count": 0}}
+        proposal = _propose(SceneContext(tiny_scene()), "chair", **settings)
+        assert [len(group.candidates) for group in proposal.seen] == [1, 1]
+        assert "space" not in [time.stage for time in proposal.times]
+
+
 def test_no_novel_view_leaves_the_initial_one(context: SceneContext) -> None:
     proposal = _propose(context, "chair", novel_views={"count": 0})
     assert all(len(group.candidates) == 1 for group in proposal.seen)
@@ -138,7 +204,7 @@ def test_second_question_on_a_category_renders_nothing_more() -> None:
 
 def test_stages_are_timed_once_each_with_their_counts(context: SceneContext) -> None:
     times = {time.stage: time for time in _propose(context, "chair").times}
-    assert set(times) - {"index"} == {"activate", "cluster", "visibility", "perturb", "render"}
+    assert set(times) - {"index"} == {"activate", "cluster", "visibility", "perturb", "render", "quality"}
     assert times["activate"].count == 1
     assert times["perturb"].count == 8
     assert times["render"].count == 10

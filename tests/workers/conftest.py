@@ -16,4 +16,4 @@ def work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Work:
     marks = tmp_path / "marks"
     marks.mkdir()
     monkeypatch.setenv(fake_steps.MARKS, str(marks))
-    return Work(None, None, str(tmp_path / "calls"), str(tmp_path / "run"))
+    return Work(None, None, str(tmp_path / "calls"), str(tmp_path / "visibility"), str(tmp_path / "run"))

@@ -5,9 +5,9 @@ from __future__ import annotations
 import asyncio
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from schemas.evidence import CandidateRow
 from schemas.plan import PlannedUnit
 from schemas.questions import Question
 from schemas.run_folder import image_name
+from workers.index_steps import FoundIndex, IndexPart, Unstored
 from workers.steps import Steps, Tables, Work
 
 VIEWS = 10
@@ -47,21 +48,65 @@ def vocabulary(scene: dict[str, Any]) -> tuple[str, ...]:
     return ("chair", "table")
 
 
-def open_context(scene: dict[str, Any]) -> dict[str, Any]:
+def prepare(scene: dict[str, Any]) -> np.ndarray:
+    return scene["means"] + 1
+
+
+def open_context(scene: dict[str, Any], prepared: np.ndarray | None) -> dict[str, Any]:
+    assert prepared is None or not prepared.flags.writeable, "processes share it"
     return {"total": float(scene["means"].sum()), "writeable": scene["means"].flags.writeable, "index": set()}
 
 
-def index_views(context: dict[str, Any], method: Any, part: int, parts: int) -> tuple[list[int], int]:
-    views = list(range(part, VIEWS, parts))
-    return views, len(views)
+def read_index(scene: dict[str, Any], method: Any, folder: str) -> FoundIndex:
+    """An empty file named by the view stands for a row; one that is not empty is damaged."""
+    place, rows, damaged = Path(folder, Path(scene["uri"]).name), {}, []
+    for path in sorted(place.glob("*")):
+        if path.stat().st_size:
+            damaged.append(f"{path}: expected nothing")
+            path.unlink()
+        else:
+            rows[int(path.name)] = np.zeros(0, np.int32)
+    missing = [view for view in range(VIEWS) if view not in rows]
+    return FoundIndex(rows, Unstored(cast(Any, place), missing), tuple(damaged))
 
 
-def adopt_index(context: dict[str, Any], method: Any, part: list[int]) -> None:
-    context["index"] |= set(part)
+def adopt_rows(context: dict[str, Any], method: Any, rows: Mapping[int, Any]) -> None:
+    context["index"] |= set(rows)
 
 
-def make_caller(work: Work) -> str:
+def keep_rows(context: dict[str, Any], method: Any, unstored: Unstored) -> int:
+    kept = [view for view in unstored.views if view in context["index"]]
+    _store(cast(Any, unstored.store), kept)
+    unstored.views = [view for view in unstored.views if view not in kept]
+    return len(kept)
+
+
+def index_views(context: dict[str, Any], method: Any, unstored: Unstored, part: int, parts: int) -> IndexPart:
+    views = unstored.views[part::parts]
+    _store(cast(Any, unstored.store), views)
+    return IndexPart.of({view: np.zeros(0, np.int32) for view in views})
+
+
+def _store(place: Path, views: Sequence[int]) -> None:
+    place.mkdir(parents=True, exist_ok=True)
+    for view in views:
+        (place / str(view)).touch(exist_ok=False)  # nothing is stored twice
+
+
+def join_index(scene: dict[str, Any], method: Any, parts: Sequence[IndexPart]) -> list[int]:
+    return sorted(view for part in parts for view in part.rows())
+
+
+def adopt_index(context: dict[str, Any], method: Any, joined: list[int]) -> None:
+    context["index"] |= set(joined)
+
+
+def make_caller(work: Work, gates: Mapping[str, Any]) -> str:
     return work.calls
+
+
+async def close_caller(caller: str) -> None:
+    """Nothing is open."""
 
 
 async def find_evidence(question: Question, vocabulary: tuple[str, ...], caller: str, method: Any) -> str:
@@ -86,6 +131,7 @@ def propose(context: dict[str, Any], question: Question, evidence: str, method: 
         os._exit(9)
     if "bug" in question.question:
         raise ZeroDivisionError("division by zero")
+    context["index"].add(len(question.question) % VIEWS)  # a runner with one process renders what a question needs
     if "hangs" in question.question and once(question):
         time.sleep(60)
     return {**context, "image": np.full((300, 400, 3), 7, np.uint8)}
@@ -107,11 +153,7 @@ def conclude(
     return {
         "answers": (answer(question, evidence=(evidence,), answer=decision),),
         "arms": tuple(arm(question, name, answer=decision) for name in ("initial", "final", "verified")),
-        "candidates": (
-            CandidateRow(
-                question.question_id, question.scene, 0, "f/0/left", "left", POSE, 0.3, 0.3, 0.5, "render", None, True
-            ),
-        ),
+        "candidates": (candidate(question),),
         "timings": (TimingRow(question.question_id, question.scene, "render", 0.01, 1),),
     }
 
@@ -131,10 +173,16 @@ def failed_rows(question: Question, error: Exception) -> dict[str, tuple[Any, ..
 STEPS = Steps(
     load=load,
     vocabulary=vocabulary,
+    prepare=prepare,
     open_context=open_context,
+    read_index=read_index,
+    adopt_rows=adopt_rows,
+    keep_rows=keep_rows,
     index_views=index_views,
+    join_index=join_index,
     adopt_index=adopt_index,
     make_caller=make_caller,
+    close_caller=close_caller,
     find_evidence=find_evidence,
     propose=propose,
     decide=decide,
@@ -190,6 +238,30 @@ def arm(question: Question, name: str, **changes: Any) -> ArmRow:
         "region_gaussians": None,
     }
     return ArmRow(**{**values, **changes})
+
+
+def candidate(question: Question) -> CandidateRow:
+    return CandidateRow(
+        question_id=question.question_id,
+        scene=question.scene,
+        cluster=0,
+        candidate="f/0/left",
+        move="left",
+        world_to_camera=POSE,
+        requested_m=0.3,
+        moved_m=0.3,
+        visibility=0.5,
+        area=0.1,
+        centring=0.2,
+        truncation=0.0,
+        touches_border=False,
+        new_gaussians=3,
+        unobserved=None,
+        floaters=None,
+        source="render",
+        answer=None,
+        chosen=True,
+    )
 
 
 def unit(index: int, texts: list[str], scene: str = "") -> PlannedUnit:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -41,18 +41,26 @@ def answers(outcomes: list[Outcome]) -> dict[str, tuple[str, str, str]]:
     return {row.question_id: (row.status, row.answer, row.reason) for row in rows}
 
 
-def on_ray(work: Work, units: list[PlannedUnit], limits: Limits = LIMITS) -> list[Outcome]:
+def silent(kind: str, **details: Any) -> None:
+    """Note nothing."""
+
+
+def on_ray(
+    work: Work, units: list[PlannedUnit], limits: Limits = LIMITS, note: Callable[..., None] = silent
+) -> list[Outcome]:
     from workers.ray_backend import OnRay
 
-    backend = OnRay(work, STEPS, model_actors=2, in_flight=limits.in_flight, slots=2)
+    backend = OnRay(work, STEPS, model_actors=2, in_flight=limits.in_flight, slots=2, note=note)
     try:
         return ended(backend, units, limits)
     finally:
         backend.close()
 
 
-def in_process(work: Work, units: list[PlannedUnit], limits: Limits = LIMITS) -> list[Outcome]:
-    backend = InProcess(work, STEPS)
+def in_process(
+    work: Work, units: list[PlannedUnit], limits: Limits = LIMITS, note: Callable[..., None] = silent
+) -> list[Outcome]:
+    backend = InProcess(work, STEPS, note)
     try:
         return ended(backend, units, limits)
     finally:
@@ -81,13 +89,40 @@ def test_scene_arrays_arrive_in_ray_workers_without_a_copy(work: Work, ray_up: P
     assert outcome.tables["answers"][0].answer.startswith("435 read-only")
 
 
+def counts_once(outcomes: list[Outcome], scene: str) -> dict[str, int]:
+    """Items handled by the work done once a scene, by stage."""
+    once = [row for outcome in outcomes for row in outcome.tables["timings"] if row.question_id == ""]
+    assert {row.scene for row in once} == {scene}
+    return {stage: sum(row.count for row in once if row.stage == stage) for stage in {row.stage for row in once}}
+
+
 def test_index_of_a_scene_is_computed_in_parts_and_known_to_every_worker(work: Work, ray_up: Path) -> None:
     found = on_ray(work, [unit(8, ["is it indexed"] * 4)])
     assert {o.tables["answers"][0].answer.split()[1] for o in found} == {"10"}
-    once = [row for o in found for row in o.tables["timings"] if row.question_id == ""]
-    assert sorted(row.stage for row in once) == ["index", "index", "load"]
-    assert {row.scene for row in once} == {"scene8"}
-    assert sum(row.count for row in once if row.stage == "index") == 10
+    assert counts_once(found, "scene8") == {"load": 1, "prepare": 1, "index_read": 0, "index": 10, "index_join": 10}
+
+
+def test_index_on_disk_is_not_rendered_again_by_another_runner(work: Work, ray_up: Path) -> None:
+    on_ray(work, [unit(9, ["a"])])
+    damaged = Path(work.visibility, "scene9", "4")
+    damaged.write_text("x")
+    told: list[tuple[str, dict[str, Any]]] = []
+    again = on_ray(work, [unit(9, ["is it indexed"])], note=lambda kind, **details: told.append((kind, details)))
+    assert again[0].tables["answers"][0].answer.split()[1] == "10"
+    assert counts_once(again, "scene9") == {"load": 1, "prepare": 1, "index_read": 9, "index": 1, "index_join": 10}
+    assert told == [("damaged", {"scene": "scene9", "message": f"{damaged}: expected nothing"})]
+    assert counts_once(on_ray(work, [unit(9, ["a"])]), "scene9")["index"] == 0
+
+
+def test_one_process_stores_what_its_questions_had_rendered_and_reads_it_again(work: Work) -> None:
+    first = in_process(work, [unit(10, ["a", "bb", "cc", "eeee"])])
+    assert counts_once(first, "scene10") == {"load": 1, "index_read": 0}
+    assert sorted(path.name for path in Path(work.visibility, "scene10").iterdir()) == ["1", "2", "4"]
+    Path(work.visibility, "scene10", "2").write_text("x")
+    told: list[str] = []
+    again = in_process(work, [unit(10, ["a"])], note=lambda kind, **details: told.append(kind))
+    assert counts_once(again, "scene10") == {"load": 1, "index_read": 2}
+    assert told == ["damaged"]
 
 
 def test_killed_worker_costs_its_question_a_retry_and_nothing_else(work: Work, ray_up: Path) -> None:
@@ -104,7 +139,7 @@ def test_question_that_always_kills_its_worker_fails_alone(work: Work, ray_up: P
 
 
 def test_question_that_hangs_in_a_worker_is_killed_and_tried_again(work: Work, ray_up: Path) -> None:
-    limits = Limits(in_flight=2, timeout_s=6.0, retries=1)
+    limits = Limits(in_flight=2, timeout_s=10.0, retries=1)
     found = on_ray(work, [unit(5, ["hangs", "a"])], limits)
     assert answers(found)["scene5-0"][0] == "answered"
     assert {o.position: o.tries for o in found}[0] == 2

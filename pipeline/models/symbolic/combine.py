@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pipeline.models.symbolic.about_states import clearly, measure_option
 from pipeline.models.symbolic.answer import Answer
 from pipeline.models.symbolic.answer_view import answer_view
-from pipeline.models.symbolic.certainty import Certainty
+from pipeline.models.symbolic.certainty import Certainty, certainty_of
 from pipeline.models.symbolic.perceive import View
 from pipeline.models.symbolic.phrases import Query
 from pipeline.models.symbolic.resolve import candidates, prominence, resolve, room_of
@@ -36,6 +36,21 @@ def answer_one(query: Query, views: Sequence[View]) -> tuple[int, str]:
         if query.kind == "same room":
             return _rooms(query, views) or (best, answers[best].text)
     return best, answers[best].text
+
+
+def choose_view(query: Query, views: Sequence[View], texts: Sequence[str] = ()) -> int:
+    """Return the view that shows best what is asked, as a judge that sees the candidate views does.
+
+    Given texts, the surest of them come first, as in the choice by text; only the views they came from are compared.
+
+    Args:
+        query: The question or description, read.
+        views: At least one view.
+        texts: What was answered from each view; empty where the judge does not read them.
+    """
+    levels = [certainty_of(text) for text in texts] or [Certainty.UNKNOWN] * len(views)
+    surest = [index for index, level in enumerate(levels) if level == max(levels)]
+    return surest[answer_one(query, [views[index] for index in surest])[0]]
 
 
 def answer_many(query: Query, views: Sequence[View]) -> list[bool]:

@@ -13,8 +13,9 @@ from typing import Any
 
 from pipeline.models.messages import ImagePart, Reply, Request
 from pipeline.models.symbolic.answer_view import answer_view
+from pipeline.models.symbolic.caption import caption
 from pipeline.models.symbolic.choose import choose, verify
-from pipeline.models.symbolic.combine import answer_many, answer_one
+from pipeline.models.symbolic.combine import answer_many, answer_one, choose_view
 from pipeline.models.symbolic.evidence import rank_evidence
 from pipeline.models.symbolic.judge import judge
 from pipeline.models.symbolic.parse_question import parse_question
@@ -61,10 +62,14 @@ class SymbolicModel:
         return Reply(self._answer(request), model=self.name)
 
     def _answer(self, request: Request) -> str:
+        if request.stage == "caption":
+            return caption(self._view(self._images(request)[0]))
         question = str(self._variable(request, "question"))
         match request.stage:
             case "evidence":
                 return rank_evidence(question, self._variable(request, "categories"), int(self._variable(request, "k")))
+            case "choice" if "design" in request.variables:
+                return str(self._choose_by_sight(request, question))
             case "choice":
                 return str(choose(question, self._candidates(request)))
             case "verify":
@@ -78,10 +83,13 @@ class SymbolicModel:
                 return self._look(request, question)
         raise InputError("symbolic model", field="stage", expected="a known stage", found=request.stage)
 
+    def _choose_by_sight(self, request: Request, question: str) -> int:
+        images = self._images(request)
+        texts = self._candidates(request) if request.variables["design"] == "image_text" else ()
+        return choose_view(_query(question, images), [self._view(image) for image in images], texts)
+
     def _look(self, request: Request, question: str) -> str:
-        images = request.images()
-        if not images:
-            raise InputError(f"symbolic model, stage {request.stage}", field="images", expected="at least one", found=0)
+        images = self._images(request)
         query = _query(question, images)
         views = [self._view(image) for image in images]
         if request.stage == "view_answer":
@@ -101,6 +109,12 @@ class SymbolicModel:
         if len(self._views) > self._kept_views:
             self._views.popitem(last=False)
         return view
+
+    def _images(self, request: Request) -> Sequence[ImagePart]:
+        images = request.images()
+        if not images:
+            raise InputError(f"symbolic model, stage {request.stage}", field="images", expected="at least one", found=0)
+        return images
 
     def _variable(self, request: Request, key: str) -> Any:
         if key not in request.variables:
