@@ -53,8 +53,9 @@ class Stages:
 
     def show(self, title: str) -> None:
         """Print the median of every stage, milliseconds."""
-        names = list(self.questions[0])
-        medians = [1e3 * float(np.median([q[name] for q in self.questions])) for name in names]
+        names = list(dict.fromkeys(name for question in self.questions for name in question if name != "total"))
+        names.append("total")
+        medians = [1e3 * float(np.median([q.get(name, 0.0) for q in self.questions])) for name in names]
         print(f"  {title:24s}" + "  ".join(f"{n} {m:.0f}" for n, m in zip(names, medians, strict=True)))
 
 

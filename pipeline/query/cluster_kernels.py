@@ -12,12 +12,14 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from pipeline.cached_kernels import kernel
+
 NOISE = -1
 # Two points at one place: their level of density is bounded, so that sums stay finite.
 NEAREST_M = 1e-9
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def select_clusters(left, right, distances, weights, least, epsilon, grain):
     """Return the cluster of each leaf, (m,) int64, -1 none.
 
@@ -71,7 +73,7 @@ def select_clusters(left, right, distances, weights, least, epsilon, grain):
     return _labels(owner, fell, parent, chosen, clusters, count, epsilon, last)
 
 
-@njit(nogil=True, cache=True)
+@njit
 def _stable(parent, stability, clusters):
     """Clusters that are at least as stable as all that come out of them, none inside another."""
     below = np.zeros(clusters)
@@ -84,7 +86,7 @@ def _stable(parent, stability, clusters):
     return chosen
 
 
-@njit(nogil=True, cache=True)
+@njit
 def _keep_uppermost(parent, chosen, clusters):
     inside = np.zeros(clusters, np.bool_)
     for cluster in range(1, clusters):
@@ -93,7 +95,7 @@ def _keep_uppermost(parent, chosen, clusters):
             chosen[cluster] = False
 
 
-@njit(nogil=True, cache=True)
+@njit
 def _lifted(parent, birth, chosen, clusters, epsilon):
     """The same clusters, where one that split off under epsilon gives way to its first ancestor that did not."""
     if chosen[0]:
@@ -111,7 +113,7 @@ def _lifted(parent, birth, chosen, clusters, epsilon):
     return lifted
 
 
-@njit(nogil=True, cache=True)
+@njit
 def _labels(owner, fell, parent, chosen, clusters, count, epsilon, last):
     numbers = np.full(clusters, NOISE, np.int64)
     found = 0

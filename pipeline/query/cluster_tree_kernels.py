@@ -4,7 +4,6 @@
 Boruvka's rounds: each group of joined points takes its shortest edge out. An edge of a point is never shorter than its
 core distance, and all points nearer than that are among its neighbours. So the neighbours are tried first, and a k-d
 tree only for points whose core distance is below the best edge found; its boxes that lie in one group are skipped.
-Nothing here calls a function of another file: numba's disk cache looks at the date of its own file only.
 """
 
 from __future__ import annotations
@@ -12,11 +11,13 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from pipeline.cached_kernels import kernel
+
 LEAF = 8
 """Most points of a leaf box."""
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def split(points):
     """Return the order of points (n, 3) in which each node of the k-d tree is a run, (n,) int64.
 
@@ -43,7 +44,7 @@ def split(points):
     return order
 
 
-@njit(nogil=True, cache=True)
+@njit
 def _halve(points, order, axis, low, high, middle):
     """Reorder places low to high so that none before `middle` is above it on the axis and none after it below."""
     while low < high:
@@ -65,7 +66,7 @@ def _halve(points, order, axis, low, high, middle):
             return
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def boxes(points, cores):
     """Return runs (nodes, 2) int64, boxes (nodes, 6) and least core distances (nodes,) of points in `split`'s order."""
     nodes = 1
@@ -95,7 +96,7 @@ def boxes(points, cores):
     return runs, bounds, least
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def spanning_tree(points, cores, neighbours, runs, bounds, least):
     """Return first, second (n - 1,) int64 and lengths (n - 1,) of the tree's edges.
 
@@ -137,7 +138,7 @@ def spanning_tree(points, cores, neighbours, runs, bounds, least):
     return first, second, lengths
 
 
-@njit(nogil=True, cache=True)
+@njit
 def _try_neighbours(points, cores, neighbours, group, point, shortest, ones, others):
     """Offer a point's edges to its neighbours to both groups; return whether all lie in its own."""
     inside, own = True, group[point]
@@ -152,7 +153,7 @@ def _try_neighbours(points, cores, neighbours, group, point, shortest, ones, oth
     return inside
 
 
-@njit(nogil=True, cache=True)
+@njit
 def _hold(held, runs, group):
     """Fill held (nodes,) with the one group of a node's points, or -1."""
     nodes = len(runs)
@@ -168,7 +169,7 @@ def _hold(held, runs, group):
                     held[node] = -1
 
 
-@njit(nogil=True, cache=True)
+@njit
 def _nearest_outside(points, cores, runs, bounds, least, held, stack, group, point, limit):
     """Return the point of another group that a point reaches within less than `limit`, or -1, and how far it is."""
     nodes, own, best, top = len(runs), group[point], -1, 1
@@ -193,7 +194,7 @@ def _nearest_outside(points, cores, runs, bounds, least, held, stack, group, poi
     return best, limit
 
 
-@njit(nogil=True, cache=True)
+@njit
 def _gap(bounds, node, points, point):
     """Squared distance from a point to a node's box."""
     total = 0.0
@@ -204,13 +205,13 @@ def _gap(bounds, node, points, point):
     return total
 
 
-@njit(nogil=True, cache=True)
+@njit
 def _distance(points, one, other):
     x, y, z = points[one, 0] - points[other, 0], points[one, 1] - points[other, 1], points[one, 2] - points[other, 2]
     return np.sqrt(x * x + y * y + z * z)
 
 
-@njit(nogil=True, cache=True)
+@njit
 def _root(parents, node):
     while parents[node] != node:
         parents[node] = parents[parents[node]]
@@ -218,7 +219,7 @@ def _root(parents, node):
     return node
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def link(first, second):
     """Return left, right (n - 1,) of the single-linkage tree whose joins are these edges, shortest first."""
     joins = len(first)

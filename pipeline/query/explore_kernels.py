@@ -1,4 +1,4 @@
-# mypy: allow-untyped-defs, allow-untyped-calls
+# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
 """Lines of sight through a grid of cells. Serial; no flag changes a result.
 
 Every ray is walked in equal steps of less than a cell and stops at the first blocked one. What lies outside the grid
@@ -10,13 +10,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from pipeline.cached_kernels import kernel
 
 STEP = 0.7
 """Step along a ray, in cells: a corner that is cut by less than a third of a cell may be missed."""
 
 
-def _sight_lines(
+@kernel
+def sight_lines(
     blocked,  # (I, J, K) bool
     origin,  # (3,) float64, corner of cell (0, 0, 0), metres
     cell_m,  # side of a cell, metres
@@ -42,9 +44,3 @@ def _sight_lines(
                     clear[e, p] = False
                     break
     return clear
-
-
-try:
-    sight_lines = njit(nogil=True, cache=True)(_sight_lines)  # it calls no kernel of another file: its date is its key
-except RuntimeError:  # numba finds no folder it may write to: compile in every process
-    sight_lines = njit(nogil=True)(_sight_lines)

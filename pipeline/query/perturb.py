@@ -17,8 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from pipeline.geometry import Camera, look_at
 from pipeline.query.explore_config import ExploreConfig
-from pipeline.render import PreparedGaussians, render
-from pipeline.scene.gaussians import Gaussians
+from pipeline.render import PreparedGaussians, nearby, render
 
 Move = Literal["left", "right", "forward", "backward", "up", "down", "forward_left", "forward_right"]
 
@@ -142,7 +141,7 @@ def move_direction(camera: Camera, move: Move, up: Float[np.ndarray, "3"]) -> Fl
 
 
 def free_distance(
-    gaussians: Gaussians | PreparedGaussians,
+    gaussians: PreparedGaussians,
     camera: Camera,
     direction: Float[np.ndarray, "3"],
     up: Float[np.ndarray, "3"],
@@ -150,11 +149,12 @@ def free_distance(
 ) -> float:
     """Return how far the camera can go along a direction before it comes within the clearance of a surface, metres.
 
-    A small depth image is rendered from the camera's centre along the direction. Surface points in the tube of radius
-    `clearance_m` around the path bound the move; a surface that starts nearer than the clearance allows no move.
+    A small depth image of the Gaussians that reach so near is rendered from the camera's centre along the direction.
+    Surface points in the tube of radius `clearance_m` around the path bound the move; a surface that starts nearer than
+    the clearance allows no move.
 
     Args:
-        gaussians: The scene, plain or prepared.
+        gaussians: The scene, or what lies within `probed_m` of the camera.
         camera: Where the move starts; only its centre counts.
         direction: Unit vector of the move, world frame.
         up: Unit vector opposite to gravity.
@@ -176,8 +176,13 @@ def free_distance(
     return min(config.distance_m, max(0.0, nearest - config.clearance_m))
 
 
+def probed_m(config: NovelViewConfig) -> float:
+    """Return the distance from the camera beyond which nothing can bound a move, metres."""
+    return float(np.hypot(config.distance_m + config.clearance_m, config.clearance_m))
+
+
 def novel_poses(
-    gaussians: Gaussians | PreparedGaussians,
+    gaussians: PreparedGaussians,
     camera: Camera,
     target: Float[np.ndarray, "3"],
     up: Float[np.ndarray, "3"],
@@ -187,7 +192,7 @@ def novel_poses(
     """Return the V perturbed poses of an initial view, in the order of `config.moves`.
 
     Args:
-        gaussians: The scene, plain or prepared, for the probes.
+        gaussians: The scene, for the probes.
         camera: The initial view.
         target: The cluster's centre, metres.
         up: Unit vector opposite to gravity.
@@ -196,13 +201,15 @@ def novel_poses(
             initial view alone, so clusters that share it share them.
     """
     free = {} if free is None else free
+    around: PreparedGaussians | None = None
     poses = []
     for move in config.moves:
         if move not in free:
-            direction = move_direction(camera, move, up)
-            free[move] = (
-                free_distance(gaussians, camera, direction, up, config) if config.avoid_surfaces else config.distance_m
-            )
+            if around is None and config.avoid_surfaces:
+                around = nearby(gaussians, camera.center, probed_m(config))
+            free[move] = config.distance_m
+            if around is not None:
+                free[move] = free_distance(around, camera, move_direction(camera, move, up), up, config)
         moved = perturbed_pose(camera, move, free[move], config.turn_deg, target, up)
         poses.append(NovelPose(move, moved, config.distance_m, free[move]))
     return tuple(poses)

@@ -1,22 +1,19 @@
 # mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
-"""Loops over the compressed rows of D^T; one thread, since a row of D takes a tenth of a millisecond.
-
-Nothing here calls a function of another file: numba's disk cache looks at the date of its own file only.
-"""
+"""Loops over the compressed rows of D^T; one thread, since a row of D takes a tenth of a millisecond."""
 
 from __future__ import annotations
 
-from numba import njit
+from pipeline.cached_kernels import kernel
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def add_row(ids, counts):
     """Add 1 to counts (M,) at each of the ids (n,)."""
     for id_ in ids:
         counts[id_] += 1
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def fill_row(ids, view, places, views):
     """Write `view` to the next place (M,) of each id (n,) in views (nnz,), and move the places on."""
     for id_ in ids:
@@ -24,7 +21,7 @@ def fill_row(ids, view, places, views):
         places[id_] += 1
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def count_members(members, bounds, starts, views, counts):
     """Add to counts (L, N) how often each view stands in the rows of each cluster's members.
 

@@ -15,14 +15,14 @@ is at most that of the heaviest ones of them, as many as there are pixels left.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int32
 
 from pipeline.query.visibility import LOOK_COST, TILE, SeenPart, VisibilityIndex, Window, summed
-from pipeline.render.prepare import BLOCK, GROUP, PreparedGaussians
+from pipeline.render.prepare import PreparedGaussians, take_rows
 
 HAIR = 1e-9
 """Relative room that bounds of weighted sums get, for sums are rounded in another order; counts are exact."""
@@ -179,27 +179,8 @@ def members_of(
         places: Where each Gaussian lies in it, -1 for those that can never be seen.
         ids: The Gaussians.
     """
-    rows = np.sort(places[ids])
-    rows = rows[rows >= 0]
-    count = len(rows)
-    padding = np.arange(count, -(-count // BLOCK) * BLOCK)
-    rows = np.concatenate([rows, np.full(len(padding), rows[-1] if count else 0, rows.dtype)])
-    fields = prepared.geometry[rows // GROUP, :, rows % GROUP]
-    geometry = np.ascontiguousarray(fields.reshape(-1, GROUP, fields.shape[1]).swapaxes(1, 2))
-    geometry[padding // GROUP, 12, padding % GROUP] = -np.inf
-    own = prepared.ids[rows]
-    own[count:] = -1
-    blocks = rows.reshape(-1, BLOCK) // BLOCK
-    means = fields[:, :3].astype(np.float64).reshape(-1, BLOCK, 3)
-    low, high = means.min(axis=1), means.max(axis=1)
-    return replace(
-        prepared,
-        geometry=geometry,
-        ids=own,
-        block_centers=(low + high) / 2,
-        block_halves=(high - low) / 2,
-        block_reach=prepared.block_reach[blocks].max(axis=1),
-    )
+    rows = np.sort(places[ids]).astype(np.int64)
+    return take_rows(prepared, rows[rows >= 0])
 
 
 def inside(tiles: Int32[np.ndarray, "n 4"], part: SeenPart) -> Bool[np.ndarray, "n"]:

@@ -43,11 +43,12 @@ class VisibilityConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    build: Literal["auto", "all", "lazy"] = Field(
-        default="auto",
-        description="What is rendered before views are chosen; the choices are the same. all: every view of the scene. "
-        "lazy: only tiles and views that may still hold the best view of a cluster. auto: lazy while that has cost, "
-        "and may cost for the next question, at most a quarter of all; then all.",
+    build: Literal["all", "auto", "lazy"] = Field(
+        default="all",
+        description="What is rendered before views are chosen; the choices are the same (docs/decisions/0006). all: "
+        "every view of the scene, once. lazy: only tiles and views that may still hold the best view of a cluster: for "
+        "a question or two a scene. auto: lazy while that has cost, and may cost for the next question, at most a "
+        "quarter of all, then all; workers render all.",
     )
     near_m: float = Field(default=0.2, gt=0, description="Near plane of the renders, metres.")
     long_side: int | None = Field(

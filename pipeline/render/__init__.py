@@ -6,7 +6,7 @@ from pipeline.render.counting import BlendCounts, count_blends
 from pipeline.render.images import category_image, color_image
 from pipeline.render.labels import LabelImage, heaviest_label, label_image, label_weights, label_weights_reference
 from pipeline.render.many import render_many
-from pipeline.render.prepare import PreparedGaussians, prepare
+from pipeline.render.prepare import PreparedGaussians, nearby, prepare
 from pipeline.render.quality import EXACT, FAST, PRESETS, RenderQuality
 from pipeline.render.rendering import Rendering
 
@@ -28,6 +28,7 @@ __all__ = [
     "label_image",
     "label_weights",
     "label_weights_reference",
+    "nearby",
     "prepare",
     "render",
     "render_many",

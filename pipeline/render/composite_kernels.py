@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.render.cached_kernels import kernel
+from pipeline.cached_kernels import kernel
 from pipeline.render.project_kernels import BLUE, DEPTH, GREEN, RECORD, RED
 from pipeline.render.simd_kernels import (
     at,

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from pipeline.render.cached_kernels import kernel
+from pipeline.cached_kernels import kernel
 
 
 @kernel

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.render.cached_kernels import kernel
+from pipeline.cached_kernels import kernel
 from pipeline.render.project_kernels import RECORD
 from pipeline.render.simd_kernels import (
     at,

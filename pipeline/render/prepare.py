@@ -6,7 +6,7 @@ whole blocks before it looks at single Gaussians. Colours stay where they are: o
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float32, Float64, Int32, Int64, UInt64
@@ -25,6 +25,8 @@ LARGEST_DEVIATION_M = 1e9
 image can tell only from a mean that is farther away still, or an axis within 1e-9 of the line of sight."""
 LOG2_SMALLEST_ALPHA = -np.log2(255.0)
 """Below this opacity a Gaussian can never pass the 1/255 test."""
+EXTENT = 3.33
+"""Standard deviations after which alpha is below 1/255, whatever the opacity."""
 _CHUNK = 1 << 18
 """Gaussians whose float64 intermediates are held at a time."""
 _MORTON_BITS = 21
@@ -95,6 +97,50 @@ def prepare(gaussians: Gaussians) -> PreparedGaussians:
     for array in (prepared.geometry, prepared.ids, prepared.block_centers, prepared.block_halves, prepared.block_reach):
         array.setflags(write=False)
     return prepared
+
+
+def take_rows(prepared: PreparedGaussians, rows: Int64[np.ndarray, "n"]) -> PreparedGaussians:
+    """Return some Gaussians of a prepared scene, with the bits they have there; ids are still those of the scene.
+
+    Args:
+        prepared: The scene.
+        rows: Their places among the P prepared ones, rising.
+    """
+    count = len(rows)
+    padding = np.arange(count, -(-count // BLOCK) * BLOCK)
+    rows = np.concatenate([rows, np.full(len(padding), rows[-1] if count else 0, rows.dtype)])
+    fields = prepared.geometry[rows // GROUP, :, rows % GROUP]
+    geometry = np.ascontiguousarray(_grouped(fields))
+    geometry[padding // GROUP, 12, padding % GROUP] = -np.inf
+    ids = prepared.ids[rows]
+    ids[count:] = -1
+    means = fields[:, :3].astype(np.float64).reshape(-1, BLOCK, 3)
+    low, high = means.min(axis=1), means.max(axis=1)
+    return replace(
+        prepared,
+        geometry=geometry,
+        ids=ids,
+        block_centers=(low + high) / 2,
+        block_halves=(high - low) / 2,
+        block_reach=prepared.block_reach[rows.reshape(-1, BLOCK) // BLOCK].max(axis=1),
+    )
+
+
+def nearby(prepared: PreparedGaussians, point: Float64[np.ndarray, "3"], distance_m: float) -> PreparedGaussians:
+    """Return the Gaussians that reach within a distance of a point: up to `EXTENT` standard deviations count.
+
+    Args:
+        prepared: The scene.
+        point: World frame, metres.
+        distance_m: Metres.
+    """
+    gaps = np.maximum(np.abs(prepared.block_centers - point) - prepared.block_halves, 0.0)
+    near = np.flatnonzero(np.linalg.norm(gaps, axis=1) <= distance_m + EXTENT * prepared.block_reach)
+    rows = (near[:, None] * BLOCK + np.arange(BLOCK)).reshape(-1)
+    rows = rows[prepared.ids[rows] >= 0]
+    fields = prepared.geometry[rows // GROUP, :, rows % GROUP].astype(np.float64)
+    deviations = np.linalg.norm(fields[:, 3:12].reshape(-1, 3, 3), axis=2).max(axis=1, initial=0.0)
+    return take_rows(prepared, rows[np.linalg.norm(fields[:, :3] - point, axis=1) <= distance_m + EXTENT * deviations])
 
 
 def log2_sigmoid(logits: Float32[np.ndarray, "M"]) -> Float64[np.ndarray, "M"]:

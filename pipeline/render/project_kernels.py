@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from pipeline.render.cached_kernels import kernel
+from pipeline.cached_kernels import kernel
 from pipeline.render.simd_kernels import (
     bits,
     float_bits,

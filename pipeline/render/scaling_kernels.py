@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.render.cached_kernels import kernel
+from pipeline.cached_kernels import kernel
 
 
 @kernel

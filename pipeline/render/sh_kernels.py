@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from pipeline.render.cached_kernels import kernel
+from pipeline.cached_kernels import kernel
 from pipeline.render.project_kernels import BLUE, GREEN, RECORD, RED, U, V
 from pipeline.render.simd_kernels import (
     at,

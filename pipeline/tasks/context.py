@@ -199,11 +199,11 @@ class SceneContext:
     def times_seen(self, config: MethodConfig) -> Int32[np.ndarray, "M"] | None:
         """Return how many recorded views saw the place of each Gaussian.
 
-        None where that is not known, since not every view is rendered: with a lazy index, or one that is not whole
-        yet. A search for views needs it and renders them.
+        None unless every view is rendered in any case: what a row holds must not depend on which questions came
+        before. A search for views needs it and renders them.
         """
         index = self.index(config.visibility)
-        if config.novel_views.policy != "explore" and (config.visibility.build == "lazy" or index.missing):
+        if config.novel_views.policy != "explore" and config.visibility.build != "all":
             return None
         if config.visibility not in self._seen:
             joined = index.joined()

@@ -123,8 +123,8 @@ def propose(context: SceneContext, question: Question, evidence: Evidence, confi
         activated = np.unique(np.concatenate(active)).astype(np.int32)
     with watch.stage("cluster", len(activated)):
         found = sum(len(context.clusters(category, config)) for category in categories)
-    index = context.index(config.visibility)
-    if index.missing:
+    if context.builds_index(categories, config):
+        index = context.index(config.visibility)
         with watch.stage("index", index.missing, whole_scene=True):
             index.build()
     with watch.stage("visibility", found):

@@ -17,11 +17,12 @@ from pipeline.query.perturb import (
     novel_poses,
     perturbed_pose,
 )
+from pipeline.render import PreparedGaussians, prepare
 from tests.query.tiny import UP, box_points, camera_at, gaussians_at
 
 ALL_MOVES = MOVES[8]
 TARGET = np.array([0.0, 3.0, 0.5])
-FAR = gaussians_at(box_points((0, 40, 0), (0.2, 0.2, 0.2)))
+FAR = prepare(gaussians_at(box_points((0, 40, 0), (0.2, 0.2, 0.2))))
 NUMBERS = st.floats(-3, 3)
 
 
@@ -137,9 +138,9 @@ class TestSurfaces:
     """A wall across the way, at several distances."""
 
     @staticmethod
-    def _wall(distance: float) -> object:
+    def _wall(distance: float) -> PreparedGaussians:
         points = box_points((0, distance, 1), (1.2, 0, 1.2), 0.05)
-        return gaussians_at(points, scale_m=0.03)
+        return prepare(gaussians_at(points, scale_m=0.03))
 
     @pytest.mark.parametrize("distance", [0.15, 0.2, 0.25, 0.3, 0.35])
     def test_moves_end_a_clearance_before_the_wall(self, distance: float) -> None:
@@ -158,11 +159,11 @@ class TestSurfaces:
         assert free_distance(self._wall(-0.2), _camera(), np.array([0.0, 1, 0]), UP, NovelViewConfig()) == 0.3
 
     def test_an_object_beside_the_path_does_not_stop_it(self) -> None:
-        post = gaussians_at(box_points((0.3, 0.25, 1), (0, 0, 0.5), 0.02), scale_m=0.02)
+        post = prepare(gaussians_at(box_points((0.3, 0.25, 1), (0, 0, 0.5), 0.02), scale_m=0.02))
         assert free_distance(post, _camera(), np.array([0.0, 1, 0]), UP, NovelViewConfig()) == 0.3
 
     def test_haze_does_not_stop_a_move(self) -> None:
-        haze = gaussians_at(np.array([[0.0, 0.2, 1.0]]), scale_m=0.2, opacity_logit=-2.0)
+        haze = prepare(gaussians_at(np.array([[0.0, 0.2, 1.0]]), scale_m=0.2, opacity_logit=-2.0))
         assert free_distance(haze, _camera(), np.array([0.0, 1, 0]), UP, NovelViewConfig()) == 0.3
 
     def test_poses_say_what_was_asked_and_what_was_moved(self) -> None:

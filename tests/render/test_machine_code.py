@@ -9,7 +9,8 @@ import pytest
 from llvmlite import binding
 from numba import njit
 
-from pipeline.render import cached_kernels, composite_kernels, dominance_kernels, passes
+from pipeline import cached_kernels
+from pipeline.render import composite_kernels, dominance_kernels, passes
 from tests.render.scenes import camera, random_scene
 
 pytestmark = pytest.mark.skipif(
@@ -49,14 +50,15 @@ def test_blending_uses_whole_vectors(monkeypatch, module, name: str, outputs: tu
 def test_cached_machine_code_depends_on_every_kernel_file(tmp_path: Path) -> None:
     """A changed helper in another file must not leave an old kernel in the cache."""
     folder = Path(cached_kernels.__file__).parent
-    names = sorted(path.name for path in folder.glob("*_kernels.py"))
-    assert {"tile_kernels.py", "simd_kernels.py", "composite_kernels.py"} <= set(names)
+    paths = sorted(path.relative_to(folder) for path in folder.rglob("*_kernels.py"))
+    assert {Path("render/tile_kernels.py"), Path("render/simd_kernels.py"), Path("cached_kernels.py")} <= set(paths)
     stamp = composite_kernels.composite._cache._cache_file._source_stamp
     assert stamp == cached_kernels.source_digest()
-    for name in names:
-        (tmp_path / name).write_bytes((folder / name).read_bytes())
+    for path in paths:
+        (tmp_path / path).parent.mkdir(exist_ok=True)
+        (tmp_path / path).write_bytes((folder / path).read_bytes())
     assert _digest_of(tmp_path) == stamp
-    with (tmp_path / "tile_kernels.py").open("a") as file:
+    with (tmp_path / "render/tile_kernels.py").open("a") as file:
         file.write("# changed")
     assert _digest_of(tmp_path) != stamp
 

@@ -2,7 +2,7 @@
 """`kernel`: numba's njit for functions that Python calls, with a disk cache that cannot go stale.
 
 numba keys a cached function by the date of its own file, so a change in a helper of another file would go unnoticed.
-Here the key is the content of every kernel file of this package.
+Here the key is the content of all kernel files.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from numba import njit
 
 @lru_cache(maxsize=1)
 def source_digest() -> str:
-    """Return a hash of all kernel files beside this one."""
+    """Return a hash of this file and all kernel files below it."""
     digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.glob("*_kernels.py")):
+    for path in sorted(Path(__file__).parent.rglob("*_kernels.py")):
         digest.update(path.name.encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()
