@@ -93,7 +93,7 @@ def new_batch():
         np.empty(BATCH * RECORD, np.float32),
         np.empty(BATCH, np.int32),
         np.empty(BATCH, np.uint32),
-        np.empty(BLOCKS, np.uint64),
+        np.empty(32, np.uint64),  # as many as a word has bits, whatever the number of blocks
     )
 
 
