@@ -36,7 +36,7 @@ from workers.steps import Work
 
 CALLS_A_QUESTION = 20
 """As many as the method makes of one with a few clusters."""
-CONCURRENCY = 16
+CONCURRENCY = 32
 """Calls under way: a server that answers at once needs no more, and idle connections cost time at each call."""
 TEXT = "The chair stands beside the window, to the left of a low table. " * 20
 """About 300 tokens, as the prompts of the text stages have."""
@@ -109,7 +109,11 @@ def parts(url: str, calls: int) -> None:
             ("client alone", complete, lambda: make_caller(work.models, None)),
             ("caller", _ask, lambda: make_caller(work.models, None)),
             ("caller and gate", _ask, lambda: make_caller(work.models, None, gates(local_authorities(work)))),
-            ("all with cache", _ask, lambda: make_caller(work.models, Path(work.calls), gates(local_authorities(work)))),
+            (
+                "all with cache",
+                _ask,
+                lambda: make_caller(work.models, Path(work.calls), gates(local_authorities(work))),
+            ),
         ]
         for name, ask, make in ways:
             wall, cpu = asyncio.run(_timed(make(), ask, name, calls))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -55,7 +56,8 @@ def aggregate_tables(tables: Mapping[str, pd.DataFrame], options: Options | None
             test over questions and the questions gained, lost and tied.
         clusters_by_category, clusters_by_scene: how clusters meet ground-truth instances, see `cluster_summary`.
         outcomes: questions by status and reason.
-        calls: calls, tokens and seconds of the models by stage.
+        calls: calls, tokens, seconds and price of the models by stage. Seconds waited are those before the
+            endpoints' limits; the price is that of what was sent, none where an endpoint has no prices.
         timings: seconds by stage.
 
     Raises:
@@ -114,6 +116,9 @@ def _calls(calls: pd.DataFrame, questions: int) -> pd.DataFrame:
                 "calls_a_question": _ratio(len(done), questions),
                 "tokens_a_question": _ratio(float(tokens.sum()), questions),
                 "seconds_a_call": _ratio(float(sent["latency_s"].sum()), len(sent)),
+                "seconds_waited": float(group["wait_s"].sum()),
+                "usd": _known_sum(sent["usd"]),
+                "usd_a_question": _ratio(_known_sum(sent["usd"]), questions),
                 "models": ", ".join(sorted(set(group["model"]))),
             }
         )
@@ -145,5 +150,10 @@ def _by_stage(frame: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
     return [(stage, frame[frame["stage"] == stage]) for stage in in_order(frame["stage"], STAGES)]
 
 
-def _ratio(total: float, count: int) -> float | None:
-    return total / count if count else None
+def _ratio(total: float | None, count: int) -> float | None:
+    return None if total is None or not count else total / count
+
+
+def _known_sum(values: pd.Series[Any]) -> float | None:
+    """A sum of which one part is unknown is unknown."""
+    return None if values.isna().any() else float(values.sum())

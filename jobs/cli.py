@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import typer
 
-from jobs.verbs import aggregate, build, check, demo, index, render, report, resume, status, submit
+from jobs.verbs import aggregate, build, cache, check, demo, index, plan, render, report, resume, status, submit
 from schemas.errors import InputError, SplatReasonerError
 
 app = typer.Typer(
@@ -26,9 +26,11 @@ VERBS: dict[str, Callable[..., None]] = {
     "check": check.check,
     "render": render.render,
     "index": index.index,
+    "plan": plan.plan,
     "submit": submit.submit,
     "resume": resume.resume,
     "status": status.status,
+    "cache": cache.cache,
     "aggregate": aggregate.aggregate,
     "report": report.report,
 }

@@ -268,7 +268,7 @@ def _outcomes(outcomes: pd.DataFrame) -> Sheet:
 
 
 def _calls(calls: pd.DataFrame) -> Sheet:
-    several = calls["models"].nunique() > 1
+    several, priced = calls["models"].nunique() > 1, bool(calls["usd"].notna().any())
     rows = tuple(
         (
             str(row["stage"]),
@@ -278,12 +278,13 @@ def _calls(calls: pd.DataFrame) -> Sheet:
             _number(row["calls_a_question"], 2),
             _number(row["tokens_a_question"], 0),
             _number(row["seconds_a_call"], 3),
+            *((_number(row["seconds_waited"], 1), _number(row["usd"], 4)) if priced else ()),
         )
         for row in calls.to_dict("records")
         if row["calls"] or row["failed_tries"]
     )
     counts = ("calls", "sent", "cached", "unparsed", "failed", "tokens", "calls / q", "tokens / q", "s / call")
-    columns = ("Stage", *(("Model",) if several else ()), *counts)
+    columns = ("Stage", *(("Model",) if several else ()), *counts, *(("s waited", "USD") if priced else ()))
     note = "method: all stages but the judge, which only scores. cached: found among the stored calls, nothing sent. "
     note += "failed: tries that ended in an error. tokens: in and out. q: question."
     if not several and len(calls):

@@ -98,6 +98,7 @@ class Admission:
         lost_after_s: A call under way for longer counts as lost with its process: its place is free again and its
             estimate counts as spent.
         record: Journal; called before a wish is granted and when it is done.
+        answered: Says what a call cost whose process was lost, where its reply is stored all the same.
     """
 
     def __init__(
@@ -108,9 +109,10 @@ class Admission:
         *,
         lost_after_s: float,
         record: Callable[[Wish | Done], None] = lambda entry: None,
+        answered: Callable[[Wish], Done | None] = lambda wish: None,
     ) -> None:
         self.window, self.concurrency, self.budget = window, concurrency, budget
-        self._lost_after_s, self._record = lost_after_s, record
+        self._lost_after_s, self._record, self._answered = lost_after_s, record, answered
         self._waiting: OrderedDict[str, Wish] = OrderedDict()
         self._under_way: OrderedDict[str, _UnderWay] = OrderedDict()
         self._keys: set[str] = set()
@@ -228,9 +230,15 @@ class Admission:
             self._waiting.move_to_end(wish.id, last=False)
 
     def _lose(self, wish_id: str) -> None:
-        lost = self._under_way.pop(wish_id).wish
-        self.budget.settle(lost.tokens, lost.usd, lost.tokens, lost.usd)
-        self._free(lost.key)
+        lost = self._under_way.pop(wish_id)
+        tokens, usd = lost.wish.tokens, lost.wish.usd
+        done = self._answered(lost.wish)
+        if done is not None and done.tokens is not None:
+            self._record(done)
+            tokens, usd = done.tokens, done.usd
+        self.window.settle(lost.call, tokens)
+        self.budget.settle(lost.wish.tokens, lost.wish.usd, tokens, usd)
+        self._free(lost.wish.key)
 
     def _give_up_lost(self, now_s: float) -> None:
         while self._under_way and self._next_loss_s(now_s) <= 0:

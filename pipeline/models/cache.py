@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -106,6 +106,41 @@ class CallCache:
         content = json.dumps(entry, ensure_ascii=False, indent=1)
         storage.write_bytes_atomic(self.path(key), content.encode("utf-8", "surrogatepass"))
         self.counts.stored += 1
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A file of the cache."""
+
+    path: Path
+    """Where it lies."""
+    nbytes: int
+    """Its size."""
+    key: str
+    """Its key, as its name says."""
+    stage: str
+    """Who asked, as noted for people."""
+    client: str
+    """Endpoint and model, as noted for people."""
+    reply: Reply | None
+    """The reply; None where the file cannot be trusted."""
+
+
+def entries(folder: Path) -> Iterator[Entry]:
+    """Yield all entries of a cache's folder, sorted by key.
+
+    Raises:
+        InputError: There is no such folder.
+    """
+    if not folder.is_dir():
+        raise InputError(folder, expected="a folder of stored replies", found="nothing there")
+    for place in sorted(path for path in folder.glob("??") if path.is_dir()):
+        for path in sorted(place.glob(f"{place.name}*.json")):
+            content = path.read_bytes()
+            reply = _decode(path.stem, content)
+            noted = json.loads(content.decode("utf-8", "surrogatepass")) if reply is not None else {}
+            stage, client = (str(noted.get(field, "")) for field in ("stage", "client"))
+            yield Entry(path, len(content), path.stem, stage, client, reply)
 
 
 def _checksum(key: str, body: Mapping[str, Any]) -> str:

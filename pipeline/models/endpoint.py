@@ -13,6 +13,7 @@ import base64
 import io
 import json
 import os
+import re
 import time
 import weakref
 from collections.abc import Mapping
@@ -37,6 +38,9 @@ from schemas.errors import (
     SplatReasonerError,
     StopError,
 )
+
+_UNIT_S = {"h": 3600.0, "m": 60.0, "s": 1.0, "ms": 1e-3, "": 1.0}
+_DURATION = re.compile(r"(\d+(\.\d+)?(h|ms|m|s))*(\d+(\.\d+)?)?")
 
 TEXT_LIMIT = 300
 """Characters of a server's message kept in an error."""
@@ -293,9 +297,20 @@ def _retry_after_s(headers: Mapping[str, str]) -> float | None:
             return seconds
     until = _http_date(headers.get("retry-after", ""))
     if until is None:
-        return None
+        return _reset_s(headers)
     now = _http_date(headers.get("date", ""))
     return max(0.0, until - (time.time() if now is None else now))
+
+
+def _reset_s(headers: Mapping[str, str]) -> float | None:
+    """Return the wait until what is used up is there again, by OpenAI's rate-limit headers, such as "1m3.5s"."""
+    waits = []
+    for kind in ("requests", "tokens"):
+        reset = headers.get(f"x-ratelimit-reset-{kind}", "")
+        if headers.get(f"x-ratelimit-remaining-{kind}") == "0" and _DURATION.fullmatch(reset) and reset:
+            parts = re.findall(r"([\d.]+)([a-z]*)", reset)
+            waits.append(sum(float(number) * _UNIT_S[unit] for number, unit in parts))
+    return max(waits, default=None)
 
 
 def _http_date(text: str) -> float | None:

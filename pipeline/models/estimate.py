@@ -16,6 +16,27 @@ MARGIN = 1.05
 """Kept above the largest ratio of counted to reckoned tokens met so far."""
 
 
+LIKELY_BYTES_PER_TOKEN = 4.0
+"""For forecasts, which are to be right on average and not at most."""
+
+
+def likely_text_tokens(text: str) -> float:
+    """Return the tokens a text likely has."""
+    return len(text.encode("utf-8", "replace")) / LIKELY_BYTES_PER_TOKEN
+
+
+def likely_prompt_tokens(request: Request, image_tokens: int) -> float:
+    """Return the tokens a prompt likely has.
+
+    Args:
+        request: The prompt.
+        image_tokens: Tokens of one picture.
+    """
+    texts = (part for message in request.messages for part in message.parts if isinstance(part, str))
+    words = sum(likely_text_tokens(text) for text in texts)
+    return words + image_tokens * len(request.images()) + TOKENS_PER_MESSAGE * len(request.messages)
+
+
 @dataclass(frozen=True, slots=True)
 class Price:
     """What tokens cost, US dollars a million."""

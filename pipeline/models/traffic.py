@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from pipeline.models.admission import Admission, Concurrency, Done
+from pipeline.models.admission import Admission, Concurrency, Done, Wish
 from pipeline.models.budget import Budget, BudgetConfig, Spend
 from pipeline.models.cache import CallCache
 from pipeline.models.config import EndpointConfig, ModelConfig
@@ -46,9 +46,12 @@ def open_admissions(
     for name in models.remote_endpoints():
         endpoint = models.endpoints[name]
         journal = Journal(folder / f"{_file_name(name)}.jsonl", session, wall_clock)
-        admission = _admission(endpoint, budget, journal)
-        if calls is not None:
-            _end_answered(journal, CallCache(calls), endpoint.price or Price())
+        answered = _stored_usage(None if calls is None else CallCache(calls), endpoint.price or Price())
+        admission = _admission(endpoint, budget, journal, answered)
+        for wish in journal.unended():
+            done = answered(wish)
+            if done is not None:
+                journal.record(done)
         past, now_s = journal.read(), clock()
         budget.spent.add(past.spent.calls, past.spent.tokens, past.spent.usd)
         for call in past.calls:
@@ -58,22 +61,29 @@ def open_admissions(
     return admissions
 
 
-def _end_answered(journal: Journal, cache: CallCache, price: Price) -> None:
-    """Note the end of calls that were answered, and stored, by a process killed before it could say so."""
-    for wish in journal.unended():
-        reply = cache.get(wish.key)
-        if reply is not None:
-            usd = price.of(reply.prompt_tokens, reply.completion_tokens)
-            journal.record(Done(wish.id, reply.prompt_tokens + reply.completion_tokens or None, usd))
+def _stored_usage(cache: CallCache | None, price: Price) -> Callable[[Wish], Done | None]:
+    """Return what tells the cost of calls that were answered, and stored, by a process killed before it could say."""
+
+    def answered(wish: Wish) -> Done | None:
+        reply = cache.get(wish.key) if cache is not None and wish.key else None
+        if reply is None:
+            return None
+        usd = price.of(reply.prompt_tokens, reply.completion_tokens)
+        return Done(wish.id, reply.prompt_tokens + reply.completion_tokens or None, usd)
+
+    return answered
 
 
-def _admission(endpoint: EndpointConfig, budget: Budget, journal: Journal) -> Admission:
+def _admission(
+    endpoint: EndpointConfig, budget: Budget, journal: Journal, answered: Callable[[Wish], Done | None]
+) -> Admission:
     return Admission(
         RateWindow(endpoint.requests_per_min, endpoint.tokens_per_min),
         Concurrency(endpoint.concurrency),
         budget,
         lost_after_s=endpoint.deadline_s + LOST_GRACE_S,
         record=journal.record,
+        answered=answered,
     )
 
 

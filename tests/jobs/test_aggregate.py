@@ -116,6 +116,19 @@ def test_calls_are_counted_once_and_failed_tries_apart() -> None:
     assert _record(metrics, stage="all")["models"] == "j, m"
 
 
+def test_calls_sum_waits_and_prices_of_what_was_sent() -> None:
+    calls = [
+        replace(CALL, wait_s=1.5, usd=0.25),
+        replace(CALL, outcome="RateLimitError", wait_s=2.0, usd=None),
+        replace(CALL, cached=True, usd=0.0),
+        replace(CALL, stage="judge", usd=None),
+    ]
+    metrics = aggregate_tables(_tables(calls, []), QUICK)["calls"]
+    row = _record(metrics, stage="answer")
+    assert (row["seconds_waited"], row["usd"], row["usd_a_question"]) == (3.5, 0.25, 0.0625)
+    assert pd.isna(_record(metrics, stage="all")["usd"]), "a part is unknown"
+
+
 def test_calls_of_nothing_have_no_ratios() -> None:
     row = _record(aggregate_tables(_tables([], []), QUICK)["calls"], stage="all")
     assert (row["calls"], row["calls_a_question"]) == (0, 0)

@@ -229,6 +229,11 @@ def test_complete_error_with_any_body_is_classified_by_status(
         ({"Retry-After": "soon"}, None),
         ({"Retry-After": "-3"}, None),
         ({"Retry-After": "nan"}, None),
+        ({"X_RateLimit_Remaining_Requests": "0", "X_RateLimit_Reset_Requests": "1m3.5s"}, 63.5),
+        ({"X_RateLimit_Remaining_Tokens": "0", "X_RateLimit_Reset_Tokens": "120ms"}, 0.12),
+        ({"X_RateLimit_Remaining_Tokens": "0", "X_RateLimit_Reset_Tokens": "7"}, 7.0),
+        ({"X_RateLimit_Remaining_Tokens": "5", "X_RateLimit_Reset_Tokens": "7s"}, None),
+        ({"X_RateLimit_Remaining_Tokens": "0", "X_RateLimit_Reset_Tokens": "1..s"}, None),
         ({}, None),
     ],
 )
