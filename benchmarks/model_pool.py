@@ -1,6 +1,6 @@
 """Calls a second through the pool of model actors, and where the CPU time of a call goes.
 
-The server answers at once and runs on the same machine, so what is measured is ours: client, caller, cache, limits, Ray.
+The server answers at once and runs on the same machine: what is measured is ours, from client to limits and Ray.
 
     python benchmarks/model_pool.py                 # 1, 2 and 4 actors, with and without the cache
     python benchmarks/model_pool.py --calls 2000 --actors 2
