@@ -1,6 +1,6 @@
 """The float64 reference against gsplat's own PyTorch functions, where gsplat is installed: projection and colours.
 
-    pip install --no-deps gsplat==1.5.3        # pure Python; its CUDA code is never built here
+    pip install -c constraints.txt -e '.[dev,peers]'        # its CUDA code is never built here
 
 Both run in float64 on a CPU, so that only a difference in meaning could show.
 """
@@ -16,7 +16,7 @@ from pipeline.render.reference import project_float64, sh_colors
 from tests.render.scenes import UP, camera, random_scene
 
 torch = pytest.importorskip("torch", reason="torch is not installed")
-gsplat = pytest.importorskip("gsplat.cuda._torch_impl", reason="gsplat is not installed: pip install --no-deps gsplat")
+gsplat = pytest.importorskip("gsplat.cuda._torch_impl", reason="gsplat is not installed: it is in the extra peers")
 
 LARGEST_RELATIVE = 1e-9
 """gsplat multiplies the covariance out and subtracts for the determinant: some digits are its own loss."""
