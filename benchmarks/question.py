@@ -26,7 +26,8 @@ import numpy as np
 from benchmarks.apartments import apartment
 from pipeline.config import MethodConfig
 from pipeline.models.caller import Caller
-from pipeline.models.config import ModelConfig, make_caller
+from pipeline.models.clients import make_caller
+from pipeline.models.config import ModelConfig
 from pipeline.scene.load import load_scene
 from pipeline.tasks.method import SceneContext, conclude, decide, find_evidence, propose
 from schemas.question_file import load_questions

@@ -12,8 +12,9 @@ from typing import Any
 from jobs.config import JobConfig
 from jobs.dataset import PlannedScene, load_dataset
 from jobs.versions import STAGES
+from pipeline.models.clients import make_clients
 from pipeline.models.config import STAGES as MODEL_STAGES
-from pipeline.models.config import ModelConfig, make_clients
+from pipeline.models.config import ModelConfig
 from pipeline.models.prompts import Prompts
 from schemas.plan import PlannedUnit
 from schemas.tables import TABLES

@@ -55,7 +55,7 @@ def open_context(scene: Scene, prepared: PreparedGaussians | None) -> SceneConte
 
 def make_caller(work: Work, gates: Mapping[str, Gate]) -> Caller:
     """Return who asks the models."""
-    from pipeline.models.config import make_caller
+    from pipeline.models.clients import make_caller
 
     cache = None if work.cache == "off" else Path(work.calls)
     return make_caller(work.models, cache, gates, replay=work.cache == "replay")

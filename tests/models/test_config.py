@@ -9,7 +9,8 @@ import pytest
 from pydantic import BaseModel, ValidationError
 
 from pipeline.models.caller import RetryPolicy
-from pipeline.models.config import STAGES, EndpointConfig, ImageConfig, ModelConfig, make_caller, make_clients
+from pipeline.models.clients import make_caller, make_clients
+from pipeline.models.config import STAGES, EndpointConfig, ImageConfig, ModelConfig
 from pipeline.models.messages import ChatClient, Stage
 from schemas.errors import InputError
 

@@ -13,7 +13,8 @@ from llmock.pytest_plugin import LLMock
 
 from pipeline.models.budget import BudgetConfig
 from pipeline.models.caller import Asked, Caller
-from pipeline.models.config import EndpointConfig, ModelConfig, make_caller
+from pipeline.models.clients import make_caller
+from pipeline.models.config import EndpointConfig, ModelConfig
 from pipeline.models.gate import Gate, LocalAuthority
 from pipeline.models.replies import parse_index
 from pipeline.models.traffic import open_admissions
@@ -39,7 +40,7 @@ async def ask(caller: Caller, name: str) -> Asked[int]:
 async def ask_many(folder: Path, base_url: str, count: int = CALLS, **endpoint: Any) -> list[Asked[int]]:
     """Ask different things at once, through a gate."""
     fields = {"kind": "openai", "base_url": base_url, "model": "m", "max_tokens": 20, "read_timeout_s": 1.0, **endpoint}
-    retry = {"first_wait_s": 0.1, "max_wait_s": 0.8, "max_tries": 8}
+    retry = {"first_wait_s": 0.4, "max_wait_s": 1.6, "max_tries": 8}
     models = ModelConfig(endpoints={"e": EndpointConfig.model_validate(fields)}, default="e", retry=retry)
     admission = open_admissions(models, BudgetConfig(), folder / "journals", "s")["e"]
     caller = make_caller(models, folder / "calls", {"e": Gate(LocalAuthority(admission))})

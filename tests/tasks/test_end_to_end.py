@@ -9,7 +9,8 @@ from collections.abc import Sequence
 import pytest
 
 from pipeline.config import MethodConfig
-from pipeline.models.config import ModelConfig, make_caller
+from pipeline.models.clients import make_caller
+from pipeline.models.config import ModelConfig
 from pipeline.scene.objects import SceneObject
 from pipeline.scene.procedural import build_apartment
 from pipeline.scene.scene import Scene

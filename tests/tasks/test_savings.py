@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 
 from pipeline.config import MethodConfig
-from pipeline.models.config import ModelConfig, make_caller
+from pipeline.models.clients import make_caller
+from pipeline.models.config import ModelConfig
 from pipeline.models.messages import Request
 from pipeline.models.prompts import TemplateName
 from pipeline.query.evidence import Evidence
