@@ -24,7 +24,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from pipeline.models.budget import BudgetConfig
 from pipeline.models.caller import Caller
-from pipeline.models.config import ModelConfig, make_caller, make_clients
+from pipeline.models.clients import make_caller, make_clients
+from pipeline.models.config import ModelConfig
 from pipeline.models.messages import Message, Request
 from pipeline.models.replies import parse_index
 from schemas.questions import Question

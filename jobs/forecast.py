@@ -92,7 +92,7 @@ class _CountingModel:
         count = self.counts.setdefault(request.stage, defaultdict(float))
         count["calls"] += 1
         count["prompt"] += likely_prompt_tokens(request, self._endpoint.image_tokens)
-        count["completion"] += likely_text_tokens(reply.text)
+        count["completion"] += max(1.0, likely_text_tokens(reply.text))
         return reply
 
 

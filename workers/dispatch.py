@@ -25,6 +25,10 @@ TICK_S = 1.0
 """Longest wait before deadlines and the stop flag are looked at again."""
 
 
+RETRY_WAIT_S = 2.0
+"""Wait before a question's second try; doubles with each try. A process that was killed takes seconds to come back."""
+
+
 class WorkerLostError(RetryError):
     """The process, actor, node or object that held this question's work or its scene is gone."""
 
@@ -96,7 +100,8 @@ class _Try:
     unit: PlannedUnit
     position: int
     number: int
-    deadline: float
+    deadline: float = 0.0
+    not_before: float = 0.0
 
 
 def dispatch(
@@ -107,6 +112,7 @@ def dispatch(
     should_stop: Callable[[], bool] = lambda: False,
     note: Callable[..., None] = lambda kind, **details: None,
     clock: Callable[[], float] = time.monotonic,
+    sleep: Callable[[float], None] = time.sleep,
 ) -> Iterator[Outcome]:
     """Yield the outcome of every question, in the order they end.
 
@@ -117,6 +123,7 @@ def dispatch(
         should_stop: Looked at every tick; once true nothing new is begun and what is in flight may end.
         note: Told what happened, as a kind and details: "retry", "failed", "gave_up".
         clock: Seconds that only grow.
+        sleep: Waits, while nothing is in flight and a question waits for its next try.
 
     Raises:
         StopError: A question met one; raised after what is in flight has ended or `drain_s` is over.
@@ -132,13 +139,16 @@ def dispatch(
         if stopping:
             drain_until = min(drain_until, clock() + limits.drain_s)
         while not stopping and len(running) < limits.in_flight:
-            attempt = again.popleft() if again else _first(fresh)
+            attempt = _due(again, clock()) or _first(fresh)
             if attempt is None:
                 break
             attempt.deadline = clock() + limits.timeout_s
             running[backend.submit(attempt.unit, attempt.unit.questions[attempt.position])] = attempt
         if not running:
-            break
+            if stopping or not again:
+                break
+            sleep(min(TICK_S, max(0.0, min(attempt.not_before for attempt in again) - clock())))
+            continue
         ended = backend.wait(tuple(running), TICK_S)
         overdue = [h for h, attempt in running.items() if clock() > attempt.deadline and h not in ended]
         for handle in (*ended, *overdue):
@@ -160,6 +170,7 @@ def dispatch(
                     note("retry", **told, message=str(error))
                     if isinstance(error, WorkerLostError):
                         backend.forget(attempt.unit)
+                    attempt.not_before = clock() + RETRY_WAIT_S * 2 ** (attempt.number - 1)
                     attempt.number += 1
                     again.append(attempt)
                     continue
@@ -175,9 +186,17 @@ def dispatch(
         raise stop
 
 
+def _due(again: deque[_Try], now: float) -> _Try | None:
+    """Take out the first question whose wait for its next try is over."""
+    found = next((attempt for attempt in again if attempt.not_before <= now), None)
+    if found is not None:
+        again.remove(found)
+    return found
+
+
 def _first(fresh: Iterator[tuple[PlannedUnit, int]]) -> _Try | None:
     found = next(fresh, None)
-    return None if found is None else _Try(*found, number=1, deadline=0.0)
+    return None if found is None else _Try(*found, number=1)
 
 
 def _told(error: Exception) -> dict[str, str]:

@@ -1,25 +1,41 @@
 """The call cache: every reply that was paid for, one small file each, found again by the hash of what was asked.
 
-A file is written aside, synced and renamed, so a reader sees a whole entry or none, and any number of processes and
-runs may share a folder. Two that ask the same thing at once write the same key; the later file replaces the earlier.
-Only replies are stored: a failed call leaves nothing.
+A file is written aside and renamed, so a reader sees a whole entry or none, and any number of processes and runs may
+share a folder. Two that ask the same thing at once write the same key; the later file replaces the earlier. Only
+replies are stored: a failed call leaves nothing.
+
+Files as such survive their process, not a crash of the machine. So replies are also appended to a log of their process,
+synced once for all that are stored together, before anyone uses them; files are synced later, some hundred at a time,
+and their log goes. A log whose process has ended is gone through before the next process looks for a reply.
 """
 
 from __future__ import annotations
 
+import asyncio
+import copy
+import fcntl
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
+from pipeline.models.file_log import NO_LOCKS, FileLog, alone, settle, sync, write_unsynced
 from pipeline.models.messages import Reply, Request
-from schemas import storage
 from schemas.errors import InputError
 
 KEY_VERSION = 1
 """Raised when the meaning of a key changes, so that older entries are no longer found."""
+LOGS = "log"
+"""Folder of the logs, in the folder of the cache."""
+REPLIES_A_LOG = 256
+"""After so many, files are synced: in less than a second, aside, and after a crash there is little to go through."""
+GATHER_S = 0.003
+"""Replies that come within this time are stored together: little beside the time a model takes."""
 
 
 def call_key(identity: Mapping[str, Any], request: Request) -> str:
@@ -60,8 +76,29 @@ class CacheCounts:
     """Replies written."""
 
 
+@dataclass(frozen=True, slots=True)
+class NewReply:
+    """A reply to store."""
+
+    key: str
+    """From `call_key`."""
+    reply: Reply
+    """What came back."""
+    stage: str = ""
+    """For people who read the file; no part of the key's check."""
+    client: str = ""
+    """Likewise, the client's name."""
+
+    def content(self) -> bytes:
+        """Return its file, which is one line."""
+        body = {name: getattr(self.reply, name) for name in _REPLY_FIELDS}
+        entry = {"key": self.key, "stage": self.stage, "client": self.client, "reply": body}
+        entry["sha256"] = _checksum(self.key, body)
+        return json.dumps(entry, ensure_ascii=False).encode("utf-8", "surrogatepass")
+
+
 class CallCache:
-    """A folder of stored replies.
+    """A folder of stored replies. Threads may share it.
 
     Args:
         folder: Where entries lie, in `ab/abcdef....json`; made on first use.
@@ -70,13 +107,24 @@ class CallCache:
     def __init__(self, folder: Path) -> None:
         self.folder = Path(folder)
         self.counts = CacheCounts()
+        self._lock = threading.Lock()
+        self._restored = False
+        self._log: FileLog | None = None
+        self._background = ThreadPoolExecutor(1, "call-cache")
+        self._settling: Future[None] | None = None
 
     def path(self, key: str) -> Path:
         """Return where the entry of a key lies."""
         return self.folder / key[:2] / f"{key}.json"
 
     def get(self, key: str) -> Reply | None:
-        """Return the stored reply, or None when there is none that can be trusted."""
+        """Return the stored reply, or None when there is none that can be trusted.
+
+        Raises:
+            InputError: What an ended process left cannot be written.
+        """
+        if not self._restored:
+            self.restore()
         try:
             content = self.path(key).read_bytes()
         except FileNotFoundError:
@@ -90,22 +138,142 @@ class CallCache:
         return reply
 
     def put(self, key: str, reply: Reply, *, stage: str = "", client: str = "") -> None:
-        """Store a reply; on return it survives a crash of the machine.
+        """Store one reply; see `put_all`."""
+        self.put_all([NewReply(key, reply, stage, client)])
 
-        Args:
-            key: From `call_key`.
-            reply: What came back.
-            stage: For people who read the file; no part of the key's check.
-            client: Likewise, the client's name.
+    def put_all(self, new: Sequence[NewReply]) -> None:
+        """Store replies; on return they survive a crash of the machine.
+
+        Raises:
+            InputError: The folder cannot be written; then none of them is stored.
+        """
+        lines = {self.path(one.key): one.content() for one in new}
+        with self._lock, self._writing():
+            written: list[Path] = []
+            try:
+                # Files come first: what a process had in hand when it was killed is there without its log.
+                for path, content in lines.items():
+                    write_unsynced(path, content)
+                    written.append(path)
+                self._commit(lines)
+            except OSError:
+                self._log = None
+                for path in written:
+                    path.unlink(missing_ok=True)
+                raise
+        self.counts.stored += len(new)
+
+    def restore(self) -> None:
+        """Go through the logs of processes that have ended: write what the disk lost, sync the rest.
 
         Raises:
             InputError: The folder cannot be written.
         """
-        body = asdict(reply)
-        entry = {"key": key, "stage": stage, "client": client, "reply": body, "sha256": _checksum(key, body)}
-        content = json.dumps(entry, ensure_ascii=False, indent=1)
-        storage.write_bytes_atomic(self.path(key), content.encode("utf-8", "surrogatepass"))
-        self.counts.stored += 1
+        with self._lock, self._writing():
+            logs = self.folder / LOGS
+            if not self._restored and any(logs.glob("*.jsonl")):
+                with alone(logs):
+                    for path in sorted(logs.glob("*.jsonl")):
+                        with suppress(FileNotFoundError):  # its process has just synced its files
+                            self._take_over(path)
+            self._restored = True
+
+    def close(self) -> None:
+        """Sync the files of what was stored; the next process has nothing to go through.
+
+        Raises:
+            InputError: They cannot be synced; their log stays.
+        """
+        with self._lock, self._writing():
+            log, self._log = self._log, None
+            settling, self._settling = self._settling, None
+            if settling is not None:
+                settling.result()
+            if log is not None:
+                settle(log)
+
+    def _commit(self, lines: Mapping[Path, bytes]) -> None:
+        if self._log is None:
+            try:
+                self._log = FileLog(self.folder / LOGS)
+            except OSError as error:
+                if error.errno not in NO_LOCKS:
+                    raise
+                sync(list(lines))  # a file system without locks: nobody could tell whose log is left
+                return
+        self._log.append(lines)
+        if len(self._log.paths) >= REPLIES_A_LOG and (self._settling is None or self._settling.done()):
+            if self._settling is not None:
+                self._settling.result()
+            self._settling, self._log = self._background.submit(settle, self._log), None
+
+    def _take_over(self, path: Path) -> None:
+        with path.open("r+b") as log:
+            try:
+                fcntl.flock(log, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                return  # its process is at work
+            paths = []
+            for line in log:
+                key = _key(line)
+                if key is None:
+                    continue  # cut short: nobody used that reply
+                paths.append(self.path(key))
+                if not paths[-1].exists() or _decode(key, paths[-1].read_bytes()) is None:
+                    write_unsynced(paths[-1], line.rstrip(b"\n"))
+            sync(paths)
+            path.unlink()
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            found = error.strerror or error
+            raise InputError(self.folder, expected="a folder that can be written", found=found) from error
+
+
+class GroupedPuts:
+    """Stores the replies of an event loop's callers, those of a moment at once: one thread, one sync.
+
+    Args:
+        cache: Where to.
+    """
+
+    def __init__(self, cache: CallCache) -> None:
+        self._cache = cache
+        self._waiting: list[tuple[NewReply, asyncio.Future[None]]] = []
+        self._storing: asyncio.Task[None] | None = None
+
+    async def put(self, new: NewReply) -> None:
+        """Store a reply; on return it survives a crash of the machine.
+
+        Raises:
+            InputError: The folder cannot be written.
+        """
+        loop = asyncio.get_running_loop()
+        stored: asyncio.Future[None] = loop.create_future()
+        self._waiting.append((new, stored))
+        if self._storing is None or self._storing.done():
+            self._storing = loop.create_task(self._store())
+        await stored
+
+    async def _store(self) -> None:
+        await asyncio.sleep(GATHER_S)
+        while self._waiting:
+            batch, self._waiting = self._waiting, []
+            failure: Exception | None = None
+            try:
+                await asyncio.to_thread(self._cache.put_all, [new for new, _ in batch])
+            except Exception as error:
+                failure = error
+            for _, stored in batch:
+                if stored.done():
+                    continue  # its caller was cancelled
+                if failure is None:
+                    stored.set_result(None)
+                else:
+                    stored.set_exception(copy.copy(failure))  # each caller notes its own rows on it
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,6 +309,18 @@ def entries(folder: Path) -> Iterator[Entry]:
             noted = json.loads(content.decode("utf-8", "surrogatepass")) if reply is not None else {}
             stage, client = (str(noted.get(field, "")) for field in ("stage", "client"))
             yield Entry(path, len(content), path.stem, stage, client, reply)
+
+
+def _key(line: bytes) -> str | None:
+    """Return the key of a log's line, None where it cannot be trusted."""
+    try:
+        key = json.loads(line.decode("utf-8", "surrogatepass"))["key"]
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return None
+    return key if isinstance(key, str) and _decode(key, line) is not None else None
+
+
+_REPLY_FIELDS = tuple(field.name for field in fields(Reply))
 
 
 def _checksum(key: str, body: Mapping[str, Any]) -> str:

@@ -15,7 +15,7 @@ from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from pipeline.models.cache import CallCache, call_key
+from pipeline.models.cache import CallCache, GroupedPuts, NewReply, call_key
 from pipeline.models.estimate import Price, TokenEstimate
 from pipeline.models.gate import Gate
 from pipeline.models.messages import ChatClient, ImagePart, Reply, Request, Stage
@@ -61,14 +61,14 @@ class RetryPolicy(BaseModel):
         Args:
             tries: Failed sends so far, 1 or more.
             error: The latest failure; a RateLimitError's own wait is kept to the second.
-            spread: 0 to 1; moves our own waits between half and all of their length, so that callers that
+            spread: 0 to 1; moves our own waits between three quarters and all of their length, so that callers that
                 failed together do not come back together.
         """
         if tries >= self.max_tries:
             return None
         if isinstance(error, RateLimitError) and error.retry_after_s is not None:
             return error.retry_after_s if error.retry_after_s <= self.max_retry_after_s else None
-        return min(self.first_wait_s * 2.0 ** (tries - 1), self.max_wait_s) * (0.5 + 0.5 * spread)
+        return min(self.first_wait_s * 2.0 ** (tries - 1), self.max_wait_s) * (0.75 + 0.25 * spread)
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,6 +147,7 @@ class Caller:
         self.tolls, self.replay = dict(tolls or {}), replay
         self._sleep, self._clock = sleep, clock
         self._flights: dict[str, _Flight] = {}
+        self._puts: GroupedPuts | None = None
 
     async def ask(
         self,
@@ -211,6 +212,8 @@ class Caller:
         for client in {id(client): client for client in self.clients.values()}.values():
             if isinstance(client, Closing):
                 await client.aclose()
+        if self.cache is not None:
+            await asyncio.to_thread(self.cache.close)
 
     async def _reply(self, client: ChatClient, request: Request, log: _Log) -> _Sent:
         """Return a reply that was paid for now, or that cost nothing: stored, or under way for someone else."""
@@ -291,7 +294,9 @@ class Caller:
     ) -> None:
         # A blank reply is mostly a server's hiccup: it counts as unreadable now, and is not held for ever.
         if cache is not None and reply.text.strip():
-            await asyncio.to_thread(cache.put, key, reply, stage=request.stage, client=client.name)
+            if self._puts is None:
+                self._puts = GroupedPuts(cache)
+            await self._puts.put(NewReply(key, reply, request.stage, client.name))
 
     async def _timed(self, client: ChatClient, request: Request, wait_s: float, toll: Toll | None) -> _Sent:
         start = self._clock()

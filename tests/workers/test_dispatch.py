@@ -12,7 +12,7 @@ from schemas.errors import InputError, QuestionError, RetryError, StopError
 from schemas.plan import PlannedUnit
 from schemas.questions import Question
 from tests.workers.fake_steps import failed_rows, unit
-from workers.dispatch import DeadlineError, Limits, WorkerLostError, dispatch
+from workers.dispatch import RETRY_WAIT_S, DeadlineError, Limits, WorkerLostError, dispatch
 
 
 @dataclass
@@ -44,6 +44,9 @@ class FakeBackend:
         self.running -= len(ended)
         return ended
 
+    def sleep(self, seconds: float) -> None:
+        self.clock += seconds
+
     def result(self, handle: tuple[str, int]) -> Any:
         found = self.plan(*handle)
         if isinstance(found, Exception):
@@ -62,7 +65,7 @@ class FakeBackend:
 
 def run(backend: FakeBackend, units: list[PlannedUnit], **changes: Any) -> dict[str, tuple[int, str]]:
     limits = Limits(**{"in_flight": 3, "timeout_s": 100.0, "retries": 2, "drain_s": 5.0, **changes.pop("limits", {})})
-    outcomes = list(dispatch(units, backend, limits, clock=lambda: backend.clock, **changes))
+    outcomes = list(dispatch(units, backend, limits, clock=lambda: backend.clock, sleep=backend.sleep, **changes))
     found = {o.unit.questions[o.position].question_id: (o.tries, o.error) for o in outcomes}
     assert len(found) == len(outcomes), "a question ended twice"
     return found
@@ -83,6 +86,22 @@ def test_error_that_may_pass_is_tried_again_and_a_lost_scene_loaded_anew(error: 
     backend = FakeBackend(lambda name, attempt: error if attempt < 3 else {"answers": ()})
     assert run(backend, [unit(0, ["a"])]) == {"scene0-0": (3, "")}
     assert backend.forgotten == ["unit0"] * forgotten
+
+
+def test_tries_wait_longer_each_time_while_other_questions_go_on() -> None:
+    times: dict[str, list[float]] = {"scene0-0": [], "scene0-1": []}
+
+    def plan(name: str, attempt: int) -> Any:
+        return WorkerLostError("gone") if name == "scene0-0" and attempt < 3 else {"answers": ()}
+
+    backend = FakeBackend(plan, tick=0.25)
+    submit = backend.submit
+    backend.submit = lambda u, q: (times[q.question_id].append(backend.clock), submit(u, q))[1]  # type: ignore
+    run(backend, [unit(0, ["a", "a"])], limits={"in_flight": 1})
+    first, second, third = times["scene0-0"]
+    assert second - first >= RETRY_WAIT_S
+    assert third - second >= 2 * RETRY_WAIT_S
+    assert times["scene0-1"][0] < second
 
 
 def test_error_that_keeps_coming_fails_after_the_last_try() -> None:
@@ -106,7 +125,9 @@ def test_question_that_always_hangs_fails_with_the_deadline() -> None:
 def test_stop_error_ends_the_run_after_what_is_in_flight() -> None:
     backend = FakeBackend(lambda name, attempt: StopError("bad key") if name == "scene0-1" else {"answers": ()})
     ended = []
-    outcomes = dispatch([unit(0, ["a"] * 9)], backend, Limits(3, 100.0, 2), clock=lambda: backend.clock)
+    outcomes = dispatch(
+        [unit(0, ["a"] * 9)], backend, Limits(3, 100.0, 2), clock=lambda: backend.clock, sleep=backend.sleep
+    )
     with pytest.raises(StopError, match="bad key"):
         ended.extend(outcome.position for outcome in outcomes)
     # extend keeps what came before the error.
