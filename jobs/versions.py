@@ -13,7 +13,7 @@ STAGES = {
     "cluster": 2,
     "visibility": 1,
     "initial_views": 1,
-    "perturb": 1,
+    "perturb": 2,
     "render": 1,
     "judge": 2,
     "verify": 2,
