@@ -65,7 +65,7 @@ def test_unit_ids_change_with_anything_that_can_change_an_answer(
     elif change == "models":
         changes["models"] = {"max_asks": 5}
     else:
-        monkeypatch.setattr(jobs.plan, "STAGES", {**jobs.plan.STAGES, "perturb": 2})
+        monkeypatch.setattr(jobs.plan, "STAGES", {**jobs.plan.STAGES, "perturb": jobs.plan.STAGES["perturb"] + 1})
     after = ids(make_job(**changes))
     assert after[0] != before[0]
     assert (after[1] == before[1]) == (change == "question"), "a question's change leaves the other units alone"
