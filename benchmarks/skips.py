@@ -1,7 +1,7 @@
 """What choosing views without the whole index skips: renders, tiles, Gaussians and time, with equal choices asserted.
 
     python benchmarks/skips.py --rooms 1 2 4 8 --questions 1 10 100
-    python benchmarks/skips.py --scene showroom --clusters 4
+    python benchmarks/skips.py --scene DATA/showroom --clusters 4
 
 Procedural scenes: a question's clusters are the instances of two categories. A scene without categories: each question
 has `--clusters` balls of Gaussians around random points (benchmarks/visibility.py). Times are CPU seconds of one

@@ -1,6 +1,6 @@
 """What each lossy policy of the visibility index saves and loses: seconds against choice of view.
 
-    python benchmarks/view_policies.py --scene showroom [--plot view_policies.png]
+    python benchmarks/view_policies.py --scene DATA/showroom [--plot view_policies.png]
     python benchmarks/view_policies.py --rooms 4 --plot docs/images/view_policies.png
 
 Clusters are the instances of a procedural apartment, or balls around random Gaussians (benchmarks/visibility.py). Same:
