@@ -190,7 +190,7 @@ def test_find_parts_equals_a_flood_fill(seed: int, names: int, levels: int) -> N
     category = rng.integers(-1, names, (9, 13)).astype(np.int32)
     depth = rng.integers(0, levels + 1, (9, 13)).astype(np.float32)
 
-    parts = find_parts(category, depth, 1)
+    parts = find_parts(category, depth, 1, names)
 
     assert parts.pixels.tolist() == flood(category, depth)
     for part, (left, top, right, bottom) in enumerate(parts.bounds):
@@ -198,14 +198,16 @@ def test_find_parts_equals_a_flood_fill(seed: int, names: int, levels: int) -> N
         assert len(rows) == parts.pixels[part]
         assert (columns.min(), rows.min(), columns.max(), rows.max()) == (left, top, right, bottom)
         assert (category[rows, columns] == parts.category[part]).all()
-    assert (parts.labels.ravel()[parts.sample_pixel] == parts.sample_part).all()
+    assert (
+        parts.labels.ravel()[parts.sample_pixel] == np.repeat(np.arange(len(parts.pixels)), np.diff(parts.sample_begin))
+    ).all()
 
 
 def test_find_parts_leaves_out_what_is_too_small() -> None:
     category = np.zeros((4, 4), np.int32)
     category[0, 0] = 1
 
-    parts = find_parts(category, np.ones((4, 4), np.float32), 2)
+    parts = find_parts(category, np.ones((4, 4), np.float32), 2, 2)
 
     assert parts.category.tolist() == [0]
     assert parts.labels[0, 0] == -1

@@ -87,7 +87,7 @@ def measure_option(query: Query, option: Phrase, view: View) -> Measured | None:
     anchors = [m for m in resolve(query.reference, view, 1) if m.index != found[0].index]
     if not anchors:
         return None
-    distance = min(gap_m(thing, view.things[anchor.index]) for anchor in anchors)
+    distance = min(gap_m(view, found[0].index, anchor.index) for anchor in anchors)
     return Measured(distance if query.measure == "nearest" else -distance, found[0])
 
 

@@ -136,7 +136,7 @@ def wanted_number(words: tuple[str, ...]) -> int | None:
 
 def _anchor_gap(link: Link, view: View, match: Match) -> tuple[float, int]:
     anchors = [m for m in resolve(link.anchor, view, 1) if m.index != match.index]
-    gaps = [gap_m(view.things[match.index], view.things[anchor.index]) for anchor in anchors]
+    gaps = [gap_m(view, match.index, anchor.index) for anchor in anchors]
     return min(gaps, default=0.0), match.index
 
 

@@ -7,7 +7,6 @@ language or vision and says so by its name in every row.
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -19,8 +18,8 @@ from pipeline.models.symbolic.combine import answer_many, answer_one, choose_vie
 from pipeline.models.symbolic.evidence import rank_evidence
 from pipeline.models.symbolic.judge import judge
 from pipeline.models.symbolic.parse_question import parse_question
-from pipeline.models.symbolic.perceive import View, perceive
 from pipeline.models.symbolic.phrases import Query
+from pipeline.models.symbolic.sight import Sight
 from schemas.errors import InputError
 
 RULES = "2"
@@ -41,8 +40,7 @@ class SymbolicModel:
     def __init__(self, kept_views: int = KEPT_VIEWS) -> None:
         if kept_views < 1:
             raise InputError("symbolic model", field="kept_views", expected="at least 1", found=kept_views)
-        self._kept_views = kept_views
-        self._views: OrderedDict[str, View] = OrderedDict()
+        self.sight = Sight(kept_views)
 
     @property
     def name(self) -> str:
@@ -63,7 +61,7 @@ class SymbolicModel:
 
     def _answer(self, request: Request) -> str:
         if request.stage == "caption":
-            return caption(self._view(self._images(request)[0]))
+            return caption(self.sight.view(self._images(request)[0]))
         question = str(self._variable(request, "question"))
         match request.stage:
             case "evidence":
@@ -86,12 +84,12 @@ class SymbolicModel:
     def _choose_by_sight(self, request: Request, question: str) -> int:
         images = self._images(request)
         texts = self._candidates(request) if request.variables["design"] == "image_text" else ()
-        return choose_view(_query(question, images), [self._view(image) for image in images], texts)
+        return choose_view(_query(question, images), [self.sight.view(image) for image in images], texts)
 
     def _look(self, request: Request, question: str) -> str:
         images = self._images(request)
         query = _query(question, images)
-        views = [self._view(image) for image in images]
+        views = [self.sight.view(image) for image in images]
         if request.stage == "view_answer":
             return answer_view(query, views[0]).text
         if request.stage == "answer_one":
@@ -99,16 +97,6 @@ class SymbolicModel:
             return f"Image {index}\n{text}"
         verdicts = answer_many(query, views)
         return "\n".join(f"Image {index}: {'Yes' if verdict else 'No'}" for index, verdict in enumerate(verdicts))
-
-    def _view(self, image: ImagePart) -> View:
-        key = image.sha256()
-        view = self._views.pop(key, None)
-        if view is None:
-            view = perceive(image)
-        self._views[key] = view
-        if len(self._views) > self._kept_views:
-            self._views.popitem(last=False)
-        return view
 
     def _images(self, request: Request) -> Sequence[ImagePart]:
         images = request.images()

@@ -6,6 +6,7 @@ and in front are as the viewer sees them. What is hidden is not guessed: a thing
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -133,12 +134,12 @@ def next_to(view: View, a: int, b: int) -> float:
     vertical = max(first.low[1] - second.high[1], second.low[1] - first.high[1])
     if vertical > NEXT_TO_M or _over(first, second, 0.0) or _over(second, first, 0.0):
         return 0.0
-    return float(np.clip(2.0 - gap_m(first, second) / NEXT_TO_M, 0.0, 1.0))
+    return float(np.clip(2.0 - gap_m(view, a, b) / NEXT_TO_M, 0.0, 1.0))
 
 
 def near(view: View, a: int, b: int) -> float:
     """Return 1 within a step and a reach, falling to 0 at twice that."""
-    return float(np.clip(2.0 - gap_m(view.things[a], view.things[b]) / NEAR_M, 0.0, 1.0))
+    return float(np.clip(2.0 - gap_m(view, a, b) / NEAR_M, 0.0, 1.0))
 
 
 def left(view: View, a: int, b: int) -> float:
@@ -146,7 +147,7 @@ def left(view: View, a: int, b: int) -> float:
     first, second = view.things[a], view.things[b]
     apart = second.middle[0] - first.middle[0]
     clearly = apart > max(STEP_M, 0.25 * (first.size[0] + second.size[0]))
-    return 1.0 if clearly and gap_m(first, second) <= SIDE_M else 0.0
+    return 1.0 if clearly and gap_m(view, a, b) <= SIDE_M else 0.0
 
 
 def right(view: View, a: int, b: int) -> float:
@@ -201,17 +202,30 @@ DEGREES: dict[str, Degree] = {
 """Relations of two things; "between" takes three and "farthest" is a matter of comparison."""
 
 
-def gap_m(a: Thing, b: Thing) -> float:
+def gap_m(view: View, a: int, b: int) -> float:
     """Return the gap between what is visible of two things, metres.
 
     The gap of their boxes where that is wide, else that of their points: the boxes of things that stand at an angle
     overlap where the things do not.
     """
-    box = float(np.linalg.norm(np.maximum(0.0, np.maximum(a.low - b.high, b.low - a.high))))
+    gap = view.gaps.get((a, b))
+    if gap is None:
+        gap = view.gaps[a, b] = _gap_m(view.things[a], view.things[b])
+    return gap
+
+
+def _gap_m(a: Thing, b: Thing) -> float:
+    apart = np.maximum(0.0, np.maximum(a.low - b.high, b.low - a.high))
+    box = math.sqrt(apart.dot(apart))
     if box > NEAR_M or not len(a.points) or not len(b.points):
         return box
-    squared = (a.points**2).sum(axis=1)[:, None] + (b.points**2).sum(axis=1) - 2.0 * a.points @ b.points.T
-    return max(box, float(np.sqrt(max(0.0, float(squared.min())))) - POINT_SPACING_M)
+    squared = _squares(a)[:, None] + _squares(b) - 2.0 * a.points @ b.points.T
+    return max(box, math.sqrt(max(0.0, float(np.minimum.reduce(squared, axis=None)))) - POINT_SPACING_M)
+
+
+def _squares(thing: Thing) -> Float[np.ndarray, "K"]:
+    squared = thing.points * thing.points
+    return squared[:, 0] + squared[:, 1] + squared[:, 2]
 
 
 def _beside_axis(a: Thing, b: Thing) -> Float[np.ndarray, "N 3"]:

@@ -148,7 +148,7 @@ def _about(view: View, index: int | None) -> Sequence[Thing]:
     """Through a doorway one sees another room: what is far from a thing says nothing of where it is."""
     if index is None:
         return view.things
-    return [thing for thing in view.things if gap_m(thing, view.things[index]) <= SAME_ROOM_M]
+    return [thing for other, thing in enumerate(view.things) if gap_m(view, other, index) <= SAME_ROOM_M]
 
 
 def _color_fit(colors: Sequence[str], thing: Thing) -> float:
@@ -191,7 +191,7 @@ def _link_fit(link: Link, view: View, index: int, depth: int) -> tuple[float, fl
             return UNSEEN, None
         return max(RELATION_WRONG, *(between(view, index, b, c) for b, c in pairs)), None
     if link.relation in ("nearest", "farthest"):
-        distance = min(gap_m(view.things[index], view.things[a.index]) for a in anchors)
+        distance = min(gap_m(view, index, a.index) for a in anchors)
         return 1.0, distance if link.relation == "nearest" else -distance
     relation = DEGREES[link.relation]
     degree = max(relation(view, index, anchor.index) * min(1.0, anchor.fit / SURE) for anchor in anchors)

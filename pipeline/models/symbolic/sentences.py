@@ -104,7 +104,7 @@ def place_of(view: View, index: int, *, without: frozenset[str] = frozenset()) -
             largest = min(over, key=lambda i: (-view.things[i].share, i))
             return f"{place} above the {view.things[largest].name}", view.things[largest].clear
         return (f"{place} {beside[0]}", beside[1]) if beside else (place, True)
-    for i in sorted(furniture, key=lambda i: (gap_m(thing, view.things[i]), i)):
+    for i in sorted(furniture, key=lambda i: (gap_m(view, index, i), i)):
         if behind(view, index, i) >= 1.0 and view.covers.get((i, index), 0.0) >= PARTLY_HIDDEN:
             return f"behind the {view.things[i].name}", view.things[i].clear
     if beside:

@@ -48,23 +48,7 @@ def hollow(mask: Bool[np.ndarray, "h w"], depth_m: Float[np.ndarray, "h w"]) -> 
         mask: Pixels of the thing.
         depth_m: z-depth, metres.
     """
-    return max(_hollow_rows(mask, depth_m), _hollow_rows(mask.T, depth_m.T))
+    from pipeline.models.symbolic.outline_kernels import hollow_rows
 
-
-def _hollow_rows(mask: Bool[np.ndarray, "a b"], depth: Float[np.ndarray, "a b"]) -> float:
-    rows = np.flatnonzero(np.count_nonzero(mask, axis=1) >= 4 * RIM)
-    if not len(rows):
-        return 0.0
-    mask, depth = mask[rows], depth[rows]
-    columns = np.arange(mask.shape[1])
-    first, last = mask.argmax(axis=1), mask.shape[1] - 1 - mask[:, ::-1].argmax(axis=1)
-    # The farthest depth of the rim is taken: one that blends with something nearer would move the line forward.
-    line = np.arange(len(rows))[:, None]
-    reach = np.arange(1, RIM)
-    start, stop = (
-        1.0 / np.where(mask[line, at], depth[line, at], 0.0).max(axis=1).clip(min=1e-6)
-        for at in (first[:, None] + reach, last[:, None] - reach)
-    )
-    along = (columns - first[:, None]) / np.maximum(1, last - first)[:, None]
-    chord = 1.0 / np.maximum(1e-6, start[:, None] * (1 - along) + stop[:, None] * along)
-    return float((mask & (depth > chord + DENT_M + DENT_PER_M * depth)).sum() / mask.sum())
+    limits = (RIM, DENT_M, DENT_PER_M)
+    return max(hollow_rows(mask, depth_m, *limits), hollow_rows(mask.T, depth_m.T, *limits))

@@ -90,8 +90,8 @@ def _opened(view: View, index: int) -> State | None:
         bare = any(
             other.kind == "window"
             and other.share >= BARE_WINDOW * thing.share
-            and gap_m(other, thing) <= CURTAIN_REACH_M
-            for other in view.things
+            and gap_m(view, place, index) <= CURTAIN_REACH_M
+            for place, other in enumerate(view.things)
         )
         return State("open", True) if bare else State("closed", False)
     if thing.kind == "laptop":
