@@ -1,10 +1,12 @@
-"""How near `splatreasoner plan` comes to what a run then takes, by stage.
+"""How near `splatreasoner plan` comes to what a run then takes of a server with OpenAI's chat API, by stage.
 
-The apartments of `splatreasoner demo` with their questions are planned from 60 of them, then run whole. The model of
-the run answers as the symbolic one does, and bills by a rule of its own: four bytes a token, a fixed number a picture.
+The apartments of `splatreasoner demo` with their questions are planned, then run whole. The server answers as the
+symbolic model does, after a fixed time, and bills by its own count: words and pieces of words, 255 tokens a picture
+of up to 512 pixels. Its bill is what is compared, and the seconds of the run. Exit code 1 if a sum is off by more than
+15 %, or a stage that makes up 5 % of the bill.
 
-    python benchmarks/forecast.py                       # 3 scenes, 330 questions; about five minutes
-    python benchmarks/forecast.py --scenes 1 --sample 30
+    python -m benchmarks.forecast                       # 3 scenes, 330 questions; about ten minutes on two cores
+    python -m benchmarks.forecast --scenes 1 --sample 30
 """
 
 from __future__ import annotations
@@ -13,100 +15,86 @@ import argparse
 import os
 import sys
 import tempfile
-from dataclasses import replace
-from functools import partial
+import time
 from pathlib import Path
-from typing import Any
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from jobs.build import build_procedural
 from jobs.config import JobConfig
 from jobs.demo import SEEDS
-from jobs.forecast import forecast
+from jobs.forecast import OF_THE_BILL, Forecast, forecast
 from jobs.submit import submit
-from pipeline.models.cache import CallCache
-from pipeline.models.caller import Caller
-from schemas.run_folder import read_table
-from tests.jobs.test_forecast import ENDPOINT, metered_caller
-from workers.method_steps import METHOD_STEPS
-from workers.steps import Work
+from tests.jobs.metered_server import METERED_STEPS, MeteredServer, metered_endpoint
 
-ROW_STAGE = {"answer_one": "answer", "answer_many": "answer"}
-"""Rows call both answer prompts one stage."""
-Sums = dict[str, list[float]]
-"""By stage: calls, prompt tokens, completion tokens, US dollars."""
+SHARE = 0.15
+"""What a plan may be off by."""
+COLUMNS = ("calls", "tokens in", "tokens out", "usd")
 
 
-def storing_caller(work: Work, gates: Any) -> Caller:
-    """Return the metered caller with a cache, as a run has by default."""
-    caller = metered_caller(work, gates)
-    caller.cache = CallCache(Path(work.calls))
-    return caller
+def shares(said: Forecast, bill: dict[str, list[float]]) -> float:
+    """Print planned, used and their ratio as a table in Markdown; return the worst ratio's distance from one."""
+    planned = {s.stage: [s.calls, s.prompt_tokens, s.completion_tokens, s.usd or 0.0] for s in said.stages}
+    margins = {s.stage: s.margin for s in said.stages} | {"all": said.margin}
+    spent = sum(used[-1] for used in bill.values())
+    print(f"| stage | of the bill | {' | '.join(COLUMNS)} | margin said |\n|{'---|' * 7}")
+    worst = 0.0
+    for stage in [*dict.fromkeys([*planned, *bill]), "all"]:
+        plan, used = (_of(sums, stage) for sums in (planned, bill))
+        cells = [_cell(*pair, money=place == 3) for place, pair in enumerate(zip(plan, used, strict=True))]
+        share = used[-1] / spent
+        print(f"| {stage} | {share:.1%} | {' | '.join(cells)} | {margins.get(stage, 0.0):.0%} |")
+        if stage == "all":
+            worst = max(worst, *(abs(said / real - 1) for said, real in zip(plan, used, strict=True)))
+        elif share > OF_THE_BILL:
+            worst = max(worst, abs(plan[-1] / used[-1] - 1))
+    return worst
 
 
-def planned(config: JobConfig, sample: int) -> Sums:
-    """Return what the plan says."""
-    sums: Sums = {}
-    for said in forecast(config, sample=sample).stages:
-        stage = sums.setdefault(ROW_STAGE.get(said.stage, said.stage), [0.0] * 4)
-        for place, value in enumerate((said.calls, said.prompt_tokens, said.completion_tokens, said.usd or 0.0)):
-            stage[place] += value
-    return sums
-
-
-def used(config: JobConfig) -> Sums:
-    """Return what the run was billed for: rows that were found in the cache cost nothing."""
-    run = submit(config, steps=replace(METHOD_STEPS, make_caller=storing_caller)).run
-    calls = read_table(run, "calls")
-    paid = calls[~calls["cached"]].groupby("stage")
-    columns = ["prompt_tokens", "completion_tokens", "usd"]
-    return {str(stage): [float(len(rows)), *map(float, rows[columns].sum())] for stage, rows in paid}
-
-
-def show(said: Sums, billed: Sums) -> None:
-    """Print a table in Markdown: planned, used, planned / used."""
-    print("| stage | calls | tokens in | tokens out | usd |\n|---|---|---|---|---|")
-    for stage in [*said, *(stage for stage in billed if stage not in said), "all"]:
-        pair = [_of(sums, stage) for sums in (said, billed)]
-        cells = [_cell(plan, use, money=place == 3) for place, (plan, use) in enumerate(zip(*pair, strict=True))]
-        print(f"| {stage} | " + " | ".join(cells) + " |")
-
-
-def _of(sums: Sums, stage: str) -> list[float]:
-    return list(map(sum, zip(*sums.values(), strict=True))) if stage == "all" else sums.get(stage, [0.0] * 4)
+def _of(sums: dict[str, list[float]], stage: str) -> list[float]:
+    if stage == "all":
+        return list(map(sum, zip(*sums.values(), strict=True)))
+    return sums.get(stage, [0.0] * len(COLUMNS))
 
 
 def _cell(plan: float, use: float, *, money: bool) -> str:
-    form = ",.2f" if money else ",.0f"
+    form = ",.3f" if money else ",.0f"
     return f"{plan:{form}} / {use:{form}} = {plan / use:.2f}" if use else f"{plan:{form}} / 0"
 
 
 def main() -> None:
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--scenes", type=int, default=3)
-    options.add_argument("--sample", type=int, default=60, help="questions the plan tries")
+    options.add_argument("--sample", type=int, help="questions the plan tries; as `plan` decides if left out")
+    options.add_argument("--latency", type=float, default=1.0, help="seconds until the server replies")
+    options.add_argument("--in-process", action="store_true", help="run without Ray")
     given = options.parse_args()
-    os.environ[str(ENDPOINT["key_env"])] = "nothing is sent"
-    with tempfile.TemporaryDirectory(prefix="forecast-") as folder:
-        place = partial(os.path.join, folder)
-        scenes = [build_procedural(seed, place(f"apartment-{seed}")) for seed in SEEDS[: given.scenes]]
+    cpus = 1 if given.in_process else len(os.sched_getaffinity(0))
+    with tempfile.TemporaryDirectory(prefix="forecast-") as folder, MeteredServer(given.latency) as server:
+        scenes = [build_procedural(seed, str(Path(folder, f"apartment-{seed}"))) for seed in SEEDS[: given.scenes]]
         config = JobConfig.model_validate(
             {
                 "name": "forecast",
-                "output": place("run"),
+                "output": str(Path(folder, "run")),
                 "scenes": [scene.uri for scene in scenes],
                 "images": False,
-                "models": {"endpoints": {"e": ENDPOINT}, "default": "e"},
-                "workers": {"in_process": True},
+                "models": {"endpoints": {"e": metered_endpoint(server)}, "default": "e"},
+                "workers": {"in_process": given.in_process},
             }
         )
+        start = time.perf_counter()
+        said = forecast(config, sample=given.sample, cpus=cpus, seconds_a_call=given.latency)
+        planned_s = time.perf_counter() - start
+        assert not server.bill, "a plan asks nobody"
         print(
-            f"{given.scenes} scenes, {sum(scene.questions for scene in scenes)} questions, {given.sample} tried",
-            flush=True,
+            f"{given.scenes} scenes, {said.questions} questions; {said.sampled} tried in {planned_s:.0f} s", flush=True
         )
-        said = planned(config, given.sample)
-        show(said, used(config))
+        start = time.perf_counter()
+        submit(config, steps=METERED_STEPS)
+        used_s = time.perf_counter() - start
+        bill = server.priced()
+    worst = max(shares(said, bill), abs(said.seconds / used_s - 1))
+    print(f"seconds: {said.seconds:.0f} / {used_s:.0f} = {said.seconds / used_s:.2f}", end=" ")
+    print(f"(CPU {said.cpu_s:.0f}, limits {said.model_s['e']:.0f}, waiting {said.waiting_s:.0f})")
+    sys.exit(worst > SHARE)
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from pipeline.models.cache import Entry, entries
+from pipeline.models.cache import CallCache, Entry, entries
 from schemas.parts import write_stream
 from schemas.replies import STORED_REPLIES, StoredReplyRow
 
@@ -41,13 +41,13 @@ class Contents:
 
 
 def contents(folder: Path) -> Contents:
-    """Read every entry of a folder.
+    """Read every entry of a folder, after writing those that a crash left in a log alone.
 
     Raises:
-        InputError: There is no such folder.
+        InputError: There is no such folder, or what a crash left cannot be written.
     """
     found = Contents()
-    for entry in entries(folder):
+    for entry in _restored(folder):
         if entry.reply is None:
             found.damaged.append(entry.path)
             continue
@@ -64,10 +64,16 @@ def export(folder: Path, output: Path) -> int:
     """Write the entries that can be trusted as table `replies`, sorted by key; return how many.
 
     Raises:
-        InputError: There is no such folder.
+        InputError: As `contents`.
     """
-    sound = (entry for entry in entries(folder) if entry.reply is not None)
+    sound = (entry for entry in _restored(folder) if entry.reply is not None)
     return write_stream(STORED_REPLIES, _tables(sound), output)
+
+
+def _restored(folder: Path) -> Iterator[Entry]:
+    if folder.is_dir():
+        CallCache(folder).restore()
+    return entries(folder)
 
 
 def _tables(sound: Iterator[Entry]) -> Iterator[Any]:

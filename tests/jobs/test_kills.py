@@ -27,7 +27,7 @@ from tests.workers.calling_steps import CALLS, STEPS
 TEXTS = [f"question {number}" for number in range(30)]
 SENT = len(TEXTS) * (CALLS - 1) + 1
 CONCURRENCY = 4
-WAIT_S = 120.0
+WAIT_S = 240.0
 
 Make = Callable[[CountingServer], JobConfig]
 
@@ -59,20 +59,36 @@ def driver(job: JobConfig, folder: Path) -> Iterator[subprocess.Popen[bytes]]:
     file = folder / "job.json"
     file.write_text(job.model_dump_json())
     command = [sys.executable, "-m", "tests.jobs.run_calling", str(file)]
-    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
-    try:
-        yield process
-    finally:
-        process.kill()
-        process.communicate()
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
 
 
 def wait_for(condition: Callable[[], Any], process: subprocess.Popen[bytes]) -> None:
     deadline = time.monotonic() + WAIT_S
     while not condition():
         if process.poll() is not None or time.monotonic() > deadline:
-            pytest.fail(process.communicate()[1].decode())
+            process.kill()
+            pytest.fail(f"driver ended or waited {WAIT_S:g} s: {process.communicate()[1].decode()}")
         time.sleep(0.001)
+
+
+def wait_for_end(pids: list[int]) -> None:
+    """Wait for actors, which end a moment after their driver and store until then what they are sent."""
+    deadline = time.monotonic() + WAIT_S
+    while any(map(runs, pids)):
+        if time.monotonic() > deadline:
+            pytest.fail(f"processes {pids} outlive their driver")
+        time.sleep(0.01)
+
+
+def runs(pid: int) -> bool:
+    try:
+        return (Path("/proc") / str(pid) / "stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return False
 
 
 def finish(process: subprocess.Popen[bytes]) -> None:
@@ -100,9 +116,10 @@ def kill_drivers(make_job: MakeJob, tmp_path: Path, whole: dict[str, bytes], see
                 continue
             with driver(job, tmp_path) as process:
                 wait_for(lambda point=point: server.sent >= point, process)
+                pids = actors(process.pid, "Models")
                 process.send_signal(signal.SIGKILL)
                 process.wait()
-            time.sleep(0.5)  # actors end a moment after their driver
+            wait_for_end(pids)
             kept, before = stored(job), server.sent
             assert before - kept <= CONCURRENCY * len(points), "only calls under way were lost"
         with driver(job, tmp_path) as process:

@@ -12,6 +12,7 @@ from pipeline.models.cache import CallCache
 from pipeline.models.messages import Reply
 from schemas.errors import InputError
 from tests.jobs.test_cli import run
+from tests.models.test_cache import crashed as crashed
 
 KEYS = [f"{number:x}" * 64 for number in range(4)]
 
@@ -21,6 +22,7 @@ def folder(tmp_path: Path) -> Path:
     cache = CallCache(tmp_path / "calls")
     for key, stage in zip(KEYS, ("choice", "verify", "verify", "verify"), strict=True):
         cache.put(key, Reply(f"says {key[0]}", 10, 2, "m-1"), stage=stage, client="cloud:m")
+    cache.close()  # else the damaged one would be in the log
     cache.path(KEYS[3]).write_text(cache.path(KEYS[3]).read_text().replace("says", "lies"))
     (cache.folder / "journals").mkdir()
     cache.path(KEYS[0]).with_name(".left-by-a-crash.tmp").write_text("{")
@@ -48,6 +50,18 @@ def test_export_writes_each_sound_reply_once(folder: Path, tmp_path: Path) -> No
 def test_contents_of_a_missing_folder_raises(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="nothing there"):
         contents(tmp_path / "none")
+
+
+def test_contents_after_a_crash_counts_what_lies_in_the_log_alone(crashed: Path) -> None:
+    files = len(list(crashed.glob("??/*.json")))
+    found = contents(crashed)
+    assert sum(count.replies for count in found.counts.values()) == 4 > files
+    assert not found.damaged
+
+
+def test_export_after_a_crash_holds_what_lies_in_the_log_alone(crashed: Path, tmp_path: Path) -> None:
+    assert export(crashed, tmp_path / "out.parquet") == 4
+    assert pd.read_parquet(tmp_path / "out.parquet")["reply"].tolist() == [f"reply {number}" for number in range(4)]
 
 
 def test_verb_verify_names_damaged_files_and_fails(folder: Path, tmp_path: Path) -> None:
