@@ -16,21 +16,24 @@ LAYERS = ("schemas", "pipeline", "workers", "jobs")
 PIPELINE_ORDER = {
     "geometry": set(),
     "scene": {"geometry"},
+    "datasets": {"geometry", "scene"},
     "render": {"geometry", "scene"},
     "models": {"scene"},
     "metrics": {"geometry", "scene", "models"},
     "construct": {"geometry", "scene", "render"},
-    "query": {"geometry", "scene", "render", "models"},
-    "tasks": {"geometry", "scene", "render", "models", "metrics", "query"},
+    "query": {"geometry", "scene", "datasets", "render", "models"},
+    "tasks": {"geometry", "scene", "datasets", "render", "models", "metrics", "query"},
 }
 """Subpackages of pipeline, and the others each may import."""
 
 HOMES = {
     "ray": lambda path: path.parts[0] == "workers",
     "pyarrow": lambda path: path.parts[0] == "schemas",
+    "obstore": lambda path: path == Path("schemas/object_store.py"),
     "numba": lambda path: path.stem.endswith("_kernels"),
     "torch": lambda path: path.parts[:2] == ("pipeline", "construct"),
     "openai": lambda path: path.stem == "endpoint",
+    "aiohttp": lambda path: path.stem == "endpoint",
     "httpx": lambda path: path.stem == "endpoint",
     "httpx2": lambda path: path.stem == "endpoint",
     "typer": lambda path: path.parts[0] == "jobs",

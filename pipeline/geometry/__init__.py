@@ -3,7 +3,7 @@
 from pipeline.geometry.camera import Camera
 from pipeline.geometry.covariance import covariances
 from pipeline.geometry.frustum import points_in_frustum
-from pipeline.geometry.pose import invert_rigid, look_at, opengl_to_opencv, validate_pose
+from pipeline.geometry.pose import invert_rigid, look_at, nearest_rigid, opengl_to_opencv, validate_pose
 from pipeline.geometry.quaternion import normalise_quats, quats_to_rotations, rotations_to_quats
 
 __all__ = [
@@ -11,6 +11,7 @@ __all__ = [
     "covariances",
     "invert_rigid",
     "look_at",
+    "nearest_rigid",
     "normalise_quats",
     "opengl_to_opencv",
     "points_in_frustum",

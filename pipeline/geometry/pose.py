@@ -46,6 +46,16 @@ def look_at(
     return np.concatenate([rotation, -(rotation @ eye)[:, None]], axis=1)
 
 
+def nearest_rigid(pose: Float[np.ndarray, "3 4"]) -> Float[np.ndarray, "3 4"]:
+    """Return the pose with the rotation nearest to its own.
+
+    Files hold a few decimals; inverting by the transpose would turn that error into one of the camera's place that
+    grows with its distance from the origin.
+    """
+    left, _, right = np.linalg.svd(pose[:, :3])
+    return np.concatenate([left @ right, pose[:, 3:]], axis=1)
+
+
 def opengl_to_opencv(camera_to_world: Float[np.ndarray, "r 4"]) -> Float[np.ndarray, "3 4"]:
     """Return a camera-to-world pose in OpenCV axes from one in OpenGL axes (y up, looking down -z)."""
     return np.asarray(camera_to_world, np.float64)[:3] * np.array([1.0, -1.0, -1.0, 1.0])

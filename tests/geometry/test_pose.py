@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from pipeline.geometry import invert_rigid, look_at, opengl_to_opencv, validate_pose
+from pipeline.geometry import invert_rigid, look_at, nearest_rigid, opengl_to_opencv, validate_pose
 from schemas.errors import InputError
 from tests.geometry.making import pose, seeds
 
@@ -107,3 +107,13 @@ def test_what_is_not_rigid_is_refused_with_the_frame_named(change, found: str) -
 
 def test_pose_of_three_decimals_passes() -> None:
     validate_pose(pose(np.random.default_rng(2)).round(3), "frame")
+
+
+@given(seeds)
+def test_nearest_rigid_mends_a_rounded_rotation_and_keeps_the_place(seed: int) -> None:
+    made = pose(np.random.default_rng(seed))
+    rounded = np.concatenate([made[:, :3].round(4), made[:, 3:]], axis=1)
+    mended = nearest_rigid(rounded)
+    np.testing.assert_allclose(mended[:, :3] @ mended[:, :3].T, np.eye(3), atol=TOLERANCE)
+    np.testing.assert_allclose(mended[:, :3], made[:, :3], atol=2e-4)
+    np.testing.assert_array_equal(mended[:, 3], made[:, 3])

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline.geometry import quats_to_rotations, validate_pose
+from pipeline.scene.captures.posed_files import Lens
 from pipeline.scene.captures.views_file import Photographs, ViewsFile, camera_of, require_views, view_names
 from pipeline.scene.views import View
 from schemas.errors import InputError
@@ -23,13 +24,6 @@ MODELS = {
 
 PARAMETERS = {"SIMPLE_PINHOLE": 3, "PINHOLE": 4}
 """Parameters of the models that are read; the others bend light, and renders here do not."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Lens:
-    K: Float[np.ndarray, "3 3"]
-    width: int
-    height: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,12 +85,12 @@ def _pose(image: _Image, subject: str) -> Float[np.ndarray, "3 4"]:
     return validate_pose(np.concatenate([quats_to_rotations(quat), translation[:, None]], axis=1), subject)
 
 
-def _lens(model: str, width: int, height: int, parameters: tuple[float, ...], subject: str) -> _Lens:
+def _lens(model: str, width: int, height: int, parameters: tuple[float, ...], subject: str) -> Lens:
     if len(parameters) != PARAMETERS[model]:
         expected = f"{PARAMETERS[model]} parameters of {model}"
         raise InputError(subject, field="parameters", expected=expected, found=len(parameters))
     fx, fy, cx, cy = parameters if model == "PINHOLE" else (parameters[0], *parameters)
-    return _Lens(np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]]), width, height)
+    return Lens(np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]]), width, height)
 
 
 def _require_pinhole(model: str, subject: str) -> None:
@@ -114,7 +108,7 @@ def _lines(uri: str) -> list[tuple[int, str]]:
     return [(i, line) for i, line in enumerate(text.splitlines(), 1) if not line.lstrip().startswith("#")]
 
 
-def _text_lenses(uri: str) -> Iterator[tuple[int, _Lens]]:
+def _text_lenses(uri: str) -> Iterator[tuple[int, Lens]]:
     for number, line in _lines(uri):
         words, subject = line.split(), f"{uri} line {number}"
         if not words:
@@ -178,7 +172,7 @@ class _Bytes:
         return InputError(self.subject, expected=f"{size} bytes at byte {self.at}", found=found)
 
 
-def _binary_lenses(data: _Bytes) -> Iterator[tuple[int, _Lens]]:
+def _binary_lenses(data: _Bytes) -> Iterator[tuple[int, Lens]]:
     for _ in range(data.integers("Q")[0]):
         camera_id, code, width, height = data.integers("iiQQ")
         subject = f"{data.subject} camera {camera_id}"

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from pipeline.geometry import invert_rigid, opengl_to_opencv, validate_pose
+from pipeline.geometry import invert_rigid, nearest_rigid, opengl_to_opencv, validate_pose
 from pipeline.scene.captures.views_file import Photographs, ViewsFile, camera_of, require_views, view_names
 from pipeline.scene.views import View
 from schemas.errors import InputError
@@ -49,7 +49,7 @@ def read_nerfstudio(uri: str, *, strict: bool = True) -> ViewsFile:
         lens = {**{key: value for key, value in document.items() if key != "frames"}, **frame}
         K, width, height = _intrinsics(lens, subject)
         try:
-            pose = invert_rigid(_rounded_off(validate_pose(opengl_to_opencv(_matrix(frame, subject)), subject)))
+            pose = invert_rigid(nearest_rigid(validate_pose(opengl_to_opencv(_matrix(frame, subject)), subject)))
         except InputError as error:
             if strict:
                 raise
@@ -130,16 +130,6 @@ def _matrix(frame: dict[str, Any], subject: str) -> Float[np.ndarray, "r 4"]:
     if matrix.shape not in ((3, 4), (4, 4)):
         raise InputError(subject, field="transform_matrix", expected="3x4 or 4x4 numbers", found=str(value)[:80])
     return matrix
-
-
-def _rounded_off(pose: Float[np.ndarray, "3 4"]) -> Float[np.ndarray, "3 4"]:
-    """Return the pose with the rotation nearest to its own.
-
-    Files hold a few decimals; inverting by the transpose would turn that error into one of the camera's place that
-    grows with its distance from the origin.
-    """
-    left, _, right = np.linalg.svd(pose[:, :3])
-    return np.concatenate([left @ right, pose[:, 3:]], axis=1)
 
 
 def _intrinsics(lens: dict[str, Any], subject: str) -> tuple[Float[np.ndarray, "3 3"], int, int]:
