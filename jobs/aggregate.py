@@ -3,18 +3,21 @@
 A question without a score (it failed, a reply stayed unreadable) is in no mean. It is counted beside each mean by its
 status, and `mean_zero` gives the mean were all such questions scored 0. A missing answer is a score already: 0, as the
 OpenEQA protocol has it. Questions whose reference is unknown cannot be scored by anyone: they are `no_reference`.
+Planned questions that are not committed yet are `pending`: the columns `questions` count them, no mean does.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from jobs.cluster_scores import cluster_summary
-from jobs.scores import STATUSES, Options, compare, in_order, score_rows, summarise
+from jobs.coverage import Coverage, read_plan, with_planned
+from jobs.scores import PENDING, STATUSES, Options, compare, in_order, score_rows, summarise
+from schemas.errors import InputError
 
 STAGES = (
     *("load", "index", "space", "evidence", "activate", "cluster", "visibility", "perturb", "explore"),
@@ -24,6 +27,12 @@ STAGES = (
 
 NEEDED = ("answers", "arms", "clusterings", "calls", "timings")
 """Tables of a run that metrics are made from."""
+
+GROUPS = ("method", "task", "category", "scene", "arm")
+"""What scores can be grouped by."""
+
+ALWAYS = ("method", "task", "arm")
+"""What they always are grouped by."""
 
 
 def aggregate(run: str | Path, options: Options | None = None) -> dict[str, pd.DataFrame]:
@@ -38,14 +47,55 @@ def aggregate(run: str | Path, options: Options | None = None) -> dict[str, pd.D
     """
     from schemas.run_folder import read_table
 
-    return aggregate_tables({name: read_table(run, name) for name in NEEDED}, options)
+    tables = {name: read_table(run, name) for name in NEEDED}
+    return aggregate_tables({**tables, "plan": read_plan(run)}, options)
+
+
+def grouped(run: str | Path, by: Sequence[str] = (), options: Options | None = None) -> pd.DataFrame:
+    """Return one row a group and metric, as `summarise` does, over all planned questions of a run.
+
+    Args:
+        run: Run folder, a path or URI.
+        by: Columns that make a group, among `GROUPS`; method, task and arm are always among them, since none of these
+            share a mean, and columns come in the order of `GROUPS`: a group's interval is the same in every table.
+        options: Thresholds, level and draws.
+
+    Raises:
+        InputError: There is no such run, a part is damaged, or a column is unknown or named twice.
+    """
+    return grouped_scores(coverage(run), by, options)
+
+
+def grouped_scores(covered: Coverage, by: Sequence[str], options: Options | None = None) -> pd.DataFrame:
+    """Return the same as `grouped` from what is covered.
+
+    Raises:
+        InputError: A column is unknown or named twice.
+    """
+    options = options or Options()
+    if not set(by) <= set(GROUPS) or len(set(by)) < len(by):
+        raise InputError("--by", expected=f"some of {', '.join(GROUPS)}, each once", found=", ".join(by))
+    scores = score_rows(covered.arms, covered.answers, options.thresholds)
+    return summarise(scores, [name for name in GROUPS if name in by or name in ALWAYS], options)
+
+
+def coverage(run: str | Path) -> Coverage:
+    """Return every planned question of a run with its status, and with its rows in every arm.
+
+    Raises:
+        InputError: There is no such run, or a part is damaged.
+    """
+    from schemas.run_folder import read_table
+
+    return with_planned(read_table(run, "arms"), read_table(run, "answers"), read_plan(run))
 
 
 def aggregate_tables(tables: Mapping[str, pd.DataFrame], options: Options | None = None) -> dict[str, pd.DataFrame]:
     """Return metrics as tables, tidy: one row a group and metric.
 
     Args:
-        tables: `answers`, `arms`, `clusterings`, `calls` and `timings`, with the columns of their records.
+        tables: `answers`, `arms`, `clusterings`, `calls` and `timings`, with the columns of their records. With
+            `plan` (from `read_plan`) planned questions without rows count too, as pending.
         options: Thresholds, level and draws.
 
     Returns:
@@ -64,7 +114,14 @@ def aggregate_tables(tables: Mapping[str, pd.DataFrame], options: Options | None
         InputError: A question has two rows for one method and arm.
     """
     options = options or Options()
-    scores = score_rows(tables["arms"], tables["answers"], options.thresholds)
+    arms, answers = tables["arms"], tables["answers"]
+    outcomes = answers[["method", "task", "status", "reason"]]
+    if "plan" in tables:
+        covered = with_planned(arms, answers, tables["plan"])
+        arms, answers = covered.arms, covered.answers
+        pending = tables["plan"][(answers["status"] == PENDING).to_numpy()]
+        outcomes = pd.concat([outcomes, pending[["method", "task"]].assign(status=PENDING, reason="")])
+    scores = score_rows(arms, answers, options.thresholds)
     questions = int(tables["answers"]["question_id"].nunique())
     return {
         "arms": summarise(scores, ["method", "task", "arm"], options),
@@ -73,7 +130,7 @@ def aggregate_tables(tables: Mapping[str, pd.DataFrame], options: Options | None
         "by_scene": summarise(scores, ["method", "task", "scene", "arm"], options),
         "clusters_by_category": cluster_summary(tables["clusterings"], "category"),
         "clusters_by_scene": cluster_summary(tables["clusterings"], "scene"),
-        "outcomes": _outcomes(tables["answers"]),
+        "outcomes": _outcomes(outcomes),
         "calls": _calls(tables["calls"], questions),
         "timings": _timings(tables["timings"], questions, int(tables["answers"]["scene"].nunique())),
     }
@@ -82,7 +139,7 @@ def aggregate_tables(tables: Mapping[str, pd.DataFrame], options: Options | None
 def _outcomes(answers: pd.DataFrame) -> pd.DataFrame:
     by = ["method", "task", "status", "reason"]
     counted = answers.groupby(by, observed=True, sort=False).size().rename("questions").reset_index()
-    order = counted["status"].map({status: place for place, status in enumerate(STATUSES)})
+    order = counted["status"].map({status: place for place, status in enumerate((*STATUSES, PENDING))})
     counted = counted.assign(_place=order).sort_values(
         ["method", "task", "_place", "questions", "reason"], ascending=[True, True, True, False, True]
     )

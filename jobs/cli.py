@@ -7,7 +7,24 @@ from collections.abc import Callable
 
 import typer
 
-from jobs.verbs import aggregate, build, cache, check, demo, index, plan, render, report, resume, status, submit
+from jobs.verbs import (
+    aggregate,
+    build,
+    cache,
+    check,
+    compare,
+    demo,
+    export,
+    index,
+    plan,
+    render,
+    report,
+    resume,
+    retry,
+    status,
+    submit,
+    verify,
+)
 from schemas.errors import InputError, SplatReasonerError
 
 app = typer.Typer(
@@ -30,8 +47,12 @@ VERBS: dict[str, Callable[..., None]] = {
     "submit": submit.submit,
     "resume": resume.resume,
     "status": status.status,
+    "retry": retry.retry,
+    "verify": verify.verify,
     "cache": cache.cache,
     "aggregate": aggregate.aggregate,
+    "compare": compare.compare,
+    "export": export.export,
     "report": report.report,
 }
 """Verbs in the order in which a person meets them."""

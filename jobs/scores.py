@@ -29,7 +29,13 @@ IOU_METRIC = {"ground_one": "miou", "ground_many": "instance_miou"}
 
 STATUSES: tuple[Status, ...] = get_args(Status)
 
+PENDING = "pending"
+"""Status of a planned question without committed rows; no row on disk has it."""
+
 _ENDS = ("mean", "low", "high", "low_questions", "high_questions", "scenes", "few_scenes")
+
+PAIRED = (*_ENDS, "scored", "p", "p_scenes", "gained", "lost", "tied")
+"""Columns of a paired difference, see `paired`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,8 +70,8 @@ def score_rows(arms: pd.DataFrame, answers: pd.DataFrame, thresholds: Sequence[f
     """Return one row a question, arm and metric: `score` is NaN where it is unscored.
 
     Args:
-        arms: Table `arms`.
-        answers: Table `answers`; tells whether a reference answer is known.
+        arms: Table `arms`, or what `with_planned` makes of it.
+        answers: Table `answers`, or what `with_planned` makes of it; tells whether a reference answer is known.
         thresholds: Of Acc@k, percent.
 
     Raises:
@@ -110,25 +116,30 @@ def summarise(scores: pd.DataFrame, by: Sequence[str], options: Options) -> pd.D
         scores: From `score_rows`.
         by: Columns that make a group.
         options: Level and draws.
+
+    Returns:
+        `mean` of the scored questions; `mean_zero`: were those that ended without a score 0; `questions`: planned; the
+        statuses add up to them; `scored` and `no_reference` are among them.
     """
     found = []
     for key, group in _groups(scores, [*by, "metric"]):
         values = group["score"].to_numpy(np.float64)
-        possible = int(group["has_reference"].sum())
         statuses = group["status"].tolist()
+        known = group["has_reference"]
+        ended = int((known & (group["status"] != PENDING)).sum())
         found.append(
             {
                 **dict(zip([*by, "metric"], key, strict=True)),
                 **_ends(values, group["scene"], key, options),
                 "scored": int(np.isfinite(values).sum()),
-                "mean_zero": float(np.nansum(values)) / possible if possible and key[-1] != "frames" else None,
+                "mean_zero": float(np.nansum(values)) / ended if ended and key[-1] != "frames" else None,
                 "questions": len(group),
-                **{str(status): statuses.count(status) for status in STATUSES},
-                "no_reference": len(group) - possible,
+                **{status: statuses.count(status) for status in (*STATUSES, PENDING)},
+                "no_reference": len(group) - int(known.sum()),
             }
         )
     return pd.DataFrame(
-        found, columns=[*by, "metric", *_ENDS, "scored", "mean_zero", "questions", *STATUSES, "no_reference"]
+        found, columns=[*by, "metric", *_ENDS, "scored", "mean_zero", "questions", *STATUSES, PENDING, "no_reference"]
     )
 
 
@@ -151,18 +162,41 @@ def compare(scores: pd.DataFrame, options: Options) -> pd.DataFrame:
             found.append(
                 {
                     **dict(zip(("method", "task", "metric", "from", "to"), pair, strict=True)),
-                    **_ends(b - a, scenes, pair, options),
-                    "scored": int(np.isfinite(b - a).sum()),
-                    "p": permutation_p(a, b, _rng(options.seed, (*pair, "p"))),
-                    "gained": int((b > a).sum()),
-                    "lost": int((b < a).sum()),
-                    "tied": int((b == a).sum()),
+                    **paired(a, b, scenes, pair, options),
                 }
             )
-    return pd.DataFrame(
-        found,
-        columns=["method", "task", "metric", "from", "to", *_ENDS, "scored", "p", "gained", "lost", "tied"],
-    )
+    return pd.DataFrame(found, columns=["method", "task", "metric", "from", "to", *PAIRED])
+
+
+def paired(
+    a: Float64[np.ndarray, "n"],
+    b: Float64[np.ndarray, "n"],
+    scenes: pd.Series[str],
+    key: tuple[Any, ...],
+    options: Options,
+) -> dict[str, Any]:
+    """Return the columns `PAIRED` of two scores of the same questions.
+
+    Args:
+        a: One score a question, NaN where unscored.
+        b: The other, in the same order.
+        scenes: Scene of each question.
+        key: What is compared; names the stream of draws.
+        options: Level and draws.
+
+    Returns:
+        The mean of b - a over the questions scored in both, its intervals, how many those are, p by flipping questions
+        (`p`) and by flipping whole scenes (`p_scenes`), and in how many b is higher, lower and the same.
+    """
+    return {
+        **_ends(b - a, scenes, key, options),
+        "scored": int(np.isfinite(b - a).sum()),
+        "p": permutation_p(a, b, _rng(options.seed, (*key, "p"))),
+        "p_scenes": permutation_p(a, b, _rng(options.seed, (*key, "p", "scenes")), scenes=scenes.tolist()),
+        "gained": int((b > a).sum()),
+        "lost": int((b < a).sum()),
+        "tied": int((b == a).sum()),
+    }
 
 
 def in_order(found: pd.Series[str], known: Sequence[str]) -> list[str]:

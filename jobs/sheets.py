@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from jobs.scores import ARMS, IOU_METRIC, STATUSES, in_order
+from jobs.scores import ARMS, IOU_METRIC, PENDING, STATUSES, in_order
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -186,7 +186,8 @@ def _differences(differences: pd.DataFrame) -> Sheet:
 
 
 def _denominators(arms: pd.DataFrame) -> Sheet:
-    counts = ("questions", *STATUSES, "no_reference", "scored")
+    pending = (PENDING,) if arms[PENDING].any() else ()
+    counts = ("questions", *STATUSES, *pending, "no_reference", "scored")
     rows = tuple(
         (
             *_method(arms, row["method"]),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from jobs.aggregate import NEEDED, aggregate_tables
+from jobs.coverage import read_plan
 from jobs.report.page import RunFacts, page
 from jobs.report.questions import question_records
 from jobs.scores import Options
@@ -34,7 +35,7 @@ def write_report(run: str | Path, *, options: Options | None = None, max_questio
     facts = RunFacts(folder.read_run(), run_status(folder.root))
     tables = {name: read_table(folder.root, name) for name in (*NEEDED, "clusters", "candidates")}
     images = {f"images/{name}" for name in storage.list_files(folder.uri("images"), recursive=True)}
-    metrics = aggregate_tables(tables, options)
+    metrics = aggregate_tables({**tables, "plan": read_plan(folder.root)}, options)
     questions = question_records(tables, images, max_questions)
     content = page(facts, metrics, questions, total=len(tables["answers"]))
     uri = folder.uri(REPORT)

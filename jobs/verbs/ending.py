@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from jobs.signals import STOPPED
 from schemas.errors import InputError
 
 if TYPE_CHECKING:
     from jobs.submit import RunResult
 
 FAILED = 1
-STOPPED = 130
 REASONS = 3
 """Reasons of failed questions that are told; the others stand in events.jsonl and in the tables."""
 

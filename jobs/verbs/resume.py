@@ -19,18 +19,30 @@ def resume(
     max_usd: Annotated[float | None, typer.Option(help="Most money of the whole run, US dollars.", min=0)] = None,
     no_cache: Annotated[bool, typer.Option("--no-cache", help="Neither use nor keep stored replies.")] = False,
     replay: Annotated[bool, typer.Option("--replay", help="Use stored replies only; send nothing.")] = False,
+    plain: Annotated[bool, typer.Option("--plain", help="Plain lines off a terminal, in place of JSON.")] = False,
+    log_json: Annotated[bool, typer.Option("--log-json", help="JSON lines also on a terminal.")] = False,
 ) -> None:
     """Answer the questions of a run that are not committed yet; nothing else than its folder is needed.
 
     Example: [bold]splatreasoner resume demo/run[/bold]
     """
-    from jobs.progress import for_terminal
+    from jobs.progress import for_terminal, progress_style
     from jobs.submit import resume
     from jobs.verbs.ending import cache_mode, end
 
     given: dict[str, Any] = {"cpus": cpus, "address": address, "in_process": in_process}
+    if address is not None and in_process is None:
+        given["in_process"] = False
     workers = {name: value for name, value in given.items() if value is not None}
     caps = {"calls": max_calls, "tokens": max_tokens, "usd": max_usd}
     budget = {name: value for name, value in caps.items() if value is not None}
     cache = cache_mode(no_cache, replay)
-    end(resume(run, progress=for_terminal(), workers=workers, budget=budget, cache=cache))
+    end(
+        resume(
+            run,
+            progress=for_terminal(style=progress_style(plain, log_json)),
+            workers=workers,
+            budget=budget,
+            cache=cache,
+        )
+    )

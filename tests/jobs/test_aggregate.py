@@ -68,15 +68,27 @@ def test_aggregate_twice_gives_the_same_frames(run: str) -> None:
         pd.testing.assert_frame_equal(first[name], second[name])
 
 
-def test_aggregate_counts_committed_units_only(tmp_path: Path) -> None:
+def test_aggregate_scores_committed_units_and_counts_the_others_as_pending(tmp_path: Path) -> None:
     metrics = aggregate(write_run(tmp_path, committed=1), QUICK)
-    assert metrics["outcomes"]["questions"].sum() == 20
-    assert set(metrics["by_scene"]["scene"]) == {"flat 1"}
+    outcomes = metrics["outcomes"]
+    assert outcomes["questions"].sum() == 60
+    assert outcomes[outcomes["status"] == "pending"]["questions"].sum() == 40
+    assert (metrics["arms"].groupby("task", observed=True)["questions"].max() == [30, 15, 15]).all()
+    scored = metrics["by_scene"][metrics["by_scene"]["scored"] > 0]
+    assert set(scored["scene"]) == {"flat 1"}
 
 
-def test_aggregate_of_a_run_without_committed_units_is_empty(tmp_path: Path) -> None:
+def test_aggregate_tables_without_a_plan_counts_the_rows_there_are() -> None:
+    assert aggregate_tables(_tables([], []), QUICK)["arms"]["pending"].sum() == 0
+
+
+def test_aggregate_of_a_run_without_committed_units_has_no_score(tmp_path: Path) -> None:
     metrics = aggregate(write_run(tmp_path, committed=0), QUICK)
-    assert [name for name, frame in metrics.items() if len(frame) and name not in ("calls", "timings")] == []
+    assert metrics["arms"]["scored"].sum() == 0
+    assert metrics["arms"]["mean"].isna().all()
+    assert (metrics["outcomes"]["status"] == "pending").all()
+    assert metrics["differences"]["scored"].sum() == 0
+    assert len(metrics["clusters_by_scene"]) == 0
 
 
 def test_aggregate_no_run_raises(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 import resource
 import subprocess
 import sys
@@ -9,7 +10,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from jobs.cli import VERBS
+from jobs.cli import VERBS, main
 from jobs.config import JobConfig
 from jobs.submit import submit
 from tests.conftest import ROOT
@@ -132,3 +133,84 @@ def test_report_writes_a_page(finished: JobConfig) -> None:
     found = run("report", finished.output)
     assert found.returncode == 0, found.stderr
     assert Path(one_line(found.stdout)).read_text().startswith("<!doctype html>".upper()[:2])
+
+
+Here = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture
+def here(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Here:
+    """The command line in this process: pandas is imported once for all."""
+
+    def call(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+        capsys.readouterr()
+        monkeypatch.setattr(sys, "argv", ["splatreasoner", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        told = capsys.readouterr()
+        return subprocess.CompletedProcess(arguments, int(ended.value.code or 0), told.out, told.err)
+
+    return call
+
+
+def test_aggregate_by_prints_one_table_in_the_format_asked_for(finished: JobConfig, here: Here) -> None:
+    found = here("aggregate", finished.output, "--by", "scene")
+    assert found.returncode == 0, found.stderr
+    header, first, *_ = found.stdout.splitlines()
+    assert header.split() == [
+        *("method", "task", "scene", "arm", "metric", "mean", "low", "high", "scored", "questions"),
+        *("answered", "unparsed", "failed", "skipped", "pending"),
+    ]
+    assert first.split()[-7:] == ["3", "4", "3", "0", "1", "0", "0"]
+    assert here("aggregate", finished.output, "--csv").stdout.startswith("method,task,arm,metric,mean,")
+    assert json.loads(here("aggregate", finished.output, "--json").stdout)["planned"] == 4
+    assert r"\begin{tabular}" in here("aggregate", finished.output, "--latex").stdout
+
+
+def test_retry_makes_questions_pending_and_status_and_aggregate_say_so(finished: JobConfig, here: Here) -> None:
+    found = here("retry", finished.output, "--error", "QuestionError")
+    assert found.returncode == 0, found.stderr
+    assert "1 questions are pending again, in 1 units" in found.stdout
+    assert json.loads(here("status", finished.output, "--json").stdout)["questions_done"] == 1
+    for arguments in ((), ("--by", "task")):
+        told = here("aggregate", finished.output, *arguments)
+        assert told.stdout.startswith("INCOMPLETE: 1 of 4 questions are committed"), told.stderr
+    piped = here("aggregate", finished.output, "--csv")
+    assert piped.stdout.startswith("method,")
+    assert piped.stderr.startswith("INCOMPLETE")
+    nothing = here("retry", finished.output, "--status", "unparsed")
+    assert (nothing.returncode, "nothing to do again" in nothing.stdout) == (0, True)
+
+
+def test_compare_prints_scores_and_changed_questions(finished: JobConfig, here: Here) -> None:
+    found = here("compare", finished.output, finished.output, "--arm", "initial:final", "--questions")
+    assert found.returncode == 0, found.stderr
+    assert "initial of A, final of B" in found.stdout
+    assert "configuration: no difference" in found.stdout
+    assert "0 of 4 answers, scores or statuses changed" in found.stdout
+    assert json.loads(here("compare", finished.output, finished.output, "--json").stdout)["warnings"] == []
+
+
+def test_export_says_what_has_no_answer(finished: JobConfig, here: Here, tmp_path: Path) -> None:
+    found = here("export", finished.output, "--output", tmp_path / "r.json")
+    assert found.returncode == 0, found.stderr
+    assert "3 of 4 questions answered" in found.stdout
+    assert "which OpenEQA's tool scores 0" in found.stdout
+    assert json.loads((tmp_path / "r.json").read_text())[1]["answer"] is None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("compare", "none", "other"), "error: none: expected a run folder with "),
+        (("export", "none", "--output", "x"), "error: none: expected a run folder with run.json, found none"),
+        (("retry", "none", "--status", "failed"), "error: none: expected a run folder with run.json, found none"),
+        (("retry", "none"), "error: none: expected an error or a status to retry"),
+        (("aggregate", "none", "--by", "task"), "error: none: expected a run folder with "),
+        (("aggregate", "none", "--csv", "--json"), "error: aggregate: expected one of --csv, --json and --latex"),
+    ],
+)
+def test_result_verbs_refuse_bad_input_in_one_line(arguments: tuple[str, ...], message: str, here: Here) -> None:
+    found = here(*arguments)
+    assert found.returncode == 2
+    assert one_line(found.stderr).startswith(message)

@@ -128,7 +128,7 @@ def test_index_verb_says_seconds_and_bytes_and_a_job_then_renders_nothing(scene:
     assert "6 views, 0 were stored, 6 rendered" in told[0].stdout
     assert "s a view" in told[0].stdout
     assert "kB a view" in told[0].stdout
-    assert "6/6 views" in told[0].stderr
+    assert '"items": "views", "done": 6, "total": 6' in told[0].stderr
     assert "6 views, 6 were stored, 0 rendered" in told[1].stdout
     run = submit(job(scene, "run", tmp_path / "v")).run
     assert (counts(run, "index_read"), counts(run, "index")) == (6, 0)

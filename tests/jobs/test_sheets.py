@@ -56,8 +56,15 @@ def test_denominators_sheet_counts_every_question(sheets: list[Sheet]) -> None:
         assert parts == int(row["questions"])
 
 
-def test_make_sheets_of_an_empty_run_is_empty(tmp_path: Path) -> None:
-    assert make_sheets(aggregate(write_run(tmp_path, committed=0), QUICK)) == []
+def test_make_sheets_of_a_run_without_committed_units_shows_denominators_and_no_score(tmp_path: Path) -> None:
+    sheets = make_sheets(aggregate(write_run(tmp_path, committed=0), QUICK))
+    for row in _sheet(sheets, "arms-eqa").rows:
+        assert set(row[1:-1]) == {"–"}
+        assert row[-1] == "0 of 30"
+    sheet = _sheet(sheets, "denominators")
+    for row in sheet.rows:
+        counts = dict(zip(sheet.columns, row, strict=True))
+        assert counts["pending"] == counts["questions"]
 
 
 def test_format_tables_by_scene_only_when_asked(metrics: dict[str, pd.DataFrame]) -> None:
