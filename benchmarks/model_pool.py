@@ -1,21 +1,26 @@
 """Calls a second through the pool of model actors, and where the CPU time of a call goes.
 
-The server answers at once and runs on the same machine: what is measured is ours, from client to limits and Ray.
+The server answers at once and runs on the same two cores: what is measured is ours, from client to limits and Ray.
+Every call asks something of its own. What the rows say is held against what the server counted; the exit code is 1
+where a call or a token is missing, a call failed, or fewer calls a second were made than `--at-least`.
 
-    python benchmarks/model_pool.py                 # 1, 2 and 4 actors, with and without the cache
-    python benchmarks/model_pool.py --calls 2000 --actors 2
+    python benchmarks/model_pool.py                      # 4 actors, with and without the cache
+    python benchmarks/model_pool.py --actors 1 2 4 --parts
 """
 
 from __future__ import annotations
 
 import argparse
 import asyncio
+import json
+import os
 import subprocess
 import sys
 import tempfile
 import time
 import uuid
 from collections.abc import Callable
+from dataclasses import astuple, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -35,21 +40,39 @@ from workers.limiter import Limiter, gates, local_authorities
 from workers.ray_tasks import Models
 from workers.steps import Work
 
+CORES = 2
 CALLS_A_QUESTION = 20
 """As many as the method makes of one with a few clusters."""
-CONCURRENCY = 32
-"""Calls under way: a server that answers at once needs no more, and idle connections cost time at each call."""
+CONCURRENCY = 64
+"""Calls under way."""
 TEXT = "The chair stands beside the window, to the left of a low table. " * 20
 """About 300 tokens, as the prompts of the text stages have."""
+
+
+@dataclass(frozen=True, slots=True)
+class Counted:
+    """What was asked, as one side counts it."""
+
+    calls: int = 0
+    """Calls sent."""
+    tokens: int = 0
+    """Tokens of prompts and replies."""
+    bad: int = 0
+    """Calls that failed or were answered with something else."""
+
+    def __add__(self, other: Counted) -> Counted:
+        return Counted(self.calls + other.calls, self.tokens + other.tokens, self.bad + other.bad)
 
 
 class TimedModels(Models):
     """A model actor that asks what a question of usual size asks, and says what CPU time it took."""
 
-    async def ask(self, name: str) -> int:
-        """Ask CALLS_A_QUESTION calls that nobody else asks; return how many were sent."""
+    async def ask(self, name: str) -> Counted:
+        """Ask CALLS_A_QUESTION calls that nobody else asks."""
         asked = await asyncio.gather(*(_ask(self._caller, f"{name} {number}") for number in range(CALLS_A_QUESTION)))
-        return sum(not row.cached for one in asked for row in one.rows)
+        rows = [row for one in asked for row in one.rows if not row.cached]
+        tokens = sum(row.prompt_tokens + row.completion_tokens for row in rows)
+        return Counted(len(rows), tokens, sum(row.outcome != "ok" for row in rows))
 
     async def cpu_s(self) -> float:
         """Return the CPU seconds of this process."""
@@ -64,37 +87,96 @@ class TimedLimiter(Limiter):
         return time.process_time()
 
 
+class Server:
+    """The server, in a process of its own."""
+
+    def __init__(self) -> None:
+        command = [sys.executable, __file__, "--serve"]
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        self.pid, self.url = self._process.pid, self._line().strip()
+
+    def counted(self) -> Counted:
+        """Return what came in so far."""
+        assert self._process.stdin is not None
+        self._process.stdin.write("\n")
+        self._process.stdin.flush()
+        return Counted(*json.loads(self._line()))
+
+    def end(self) -> None:
+        """End it."""
+        self._process.communicate()
+
+    def _line(self) -> str:
+        assert self._process.stdout is not None
+        return self._process.stdout.readline()
+
+
+def serve() -> None:
+    """Be the server; tell what came in whenever a line is read."""
+    with CountingServer() as server:
+        print(server.base_url, flush=True)
+        for _ in sys.stdin:
+            print(json.dumps(astuple(Counted(server.sent, server.sent_tokens))), flush=True)
+
+
 async def _ask(caller: Caller, name: str) -> Any:
     question = Question("q", "s", "eqa", TEXT, answer="0")
     variables = {"question": TEXT, "candidates": [name, "b"]}
     return await caller.ask("verify", variables, (), partial(parse_index, count=2), question=question)
 
 
-def pool(url: str, actors: int, calls: int, cache: bool) -> None:
-    """Print calls a second and CPU time a call of a number of actors."""
+def pool(server: Server, actors: int, calls: int, cache: bool, at_least: float) -> bool:
+    """Print what a number of actors does; return whether every call counts and there were enough a second."""
     import ray
 
     with tempfile.TemporaryDirectory(prefix="model-pool-") as folder:
-        work = _work(url, folder, cache)
+        work = _work(server.url, folder, cache)
         limiter = ray.remote(num_cpus=0)(TimedLimiter).options(max_concurrency=1000).remote(work)
         remote = ray.remote(num_cpus=0)(TimedModels).options(max_concurrency=64)
         pool = [remote.remote(work, calling_steps.STEPS, limiter, f"m-{number}") for number in range(actors)]
-        ray.get([actor.ask.remote(f"warm {number}") for number, actor in enumerate(pool)])
-        processes = [*pool, limiter]
-        before = ray.get([process.cpu_s.remote() for process in processes])
-        start, driver = time.perf_counter(), time.process_time()
+        ray.get([actor.ask.remote(f"warm {number}") for number, actor in enumerate(pool) for _ in range(2)])
+        processes, before = [*pool, limiter], server.counted()
+        cpu = ray.get([process.cpu_s.remote() for process in processes])
+        driver, ours, theirs = time.process_time(), _tree_cpu_s(os.getpid()), _tree_cpu_s(server.pid)
+        start = time.perf_counter()
         questions = [pool[n % actors].ask.remote(f"question {n}") for n in range(calls // CALLS_A_QUESTION)]
-        sent = sum(ray.get(questions))
-        seconds, driver = time.perf_counter() - start, time.process_time() - driver
-        used = [b - a for a, b in zip(before, ray.get([process.cpu_s.remote() for process in processes]), strict=True)]
-        print(
-            f"{actors} actors, cache {'on ' if cache else 'off'}: {sent / seconds:5.0f} calls/s; CPU ms a call: "
-            f"actors {1e3 * sum(used[:-1]) / sent:.2f}, limiter {1e3 * used[-1] / sent:.2f}, "
-            f"driver {1e3 * driver / sent:.2f}",
-            flush=True,
-        )
+        asked = sum(ray.get(questions), Counted())
+        seconds = time.perf_counter() - start
+        theirs = _tree_cpu_s(server.pid) - theirs
+        ours, driver = _tree_cpu_s(os.getpid()) - ours - theirs, time.process_time() - driver
+        used = [b - a for a, b in zip(cpu, ray.get([process.cpu_s.remote() for process in processes]), strict=True)]
+        after = server.counted()
+        ray.get([actor.close.remote() for actor in pool])
         for process in processes:
             ray.kill(process)
+    came = Counted(after.calls - before.calls, after.tokens - before.tokens)
+    parts = {"actors": sum(used[:-1]), "limiter": used[-1], "driver": driver, "Ray": ours - sum(used) - driver}
+    told = ", ".join(f"{name} {1e3 * spent / asked.calls:.2f}" for name, spent in parts.items())
+    rate, good = asked.calls / seconds, asked == came and asked.calls == len(questions) * CALLS_A_QUESTION
+    print(
+        f"{actors} actors, cache {'on' if cache else 'off'}: {rate:.0f} calls/s; CPU ms a call: client side "
+        f"{1e3 * ours / asked.calls:.2f} ({told}), server {1e3 * theirs / asked.calls:.2f}\n"
+        f"  calls asked {asked.calls}, counted by the server {came.calls}; tokens {asked.tokens}, "
+        f"counted {came.tokens}; bad {asked.bad}{'' if good else '  WRONG'}{'' if rate >= at_least else '  TOO SLOW'}",
+        flush=True,
+    )
+    return good and rate >= at_least
+
+
+def _tree_cpu_s(root: int) -> float:
+    """Return the CPU seconds of a process and all that stem from it."""
+    parent, spent = dict[int, int](), dict[int, float]()
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = path.read_text().rpartition(")")[2].split()
+        except OSError:
+            continue  # it has just ended
+        pid = int(path.parent.name)
+        parent[pid], spent[pid] = int(fields[1]), (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    mine = {root}
+    while more := {pid for pid, above in parent.items() if above in mine} - mine:
+        mine |= more
+    return sum(spent[pid] for pid in mine)
 
 
 def parts(url: str, calls: int) -> None:
@@ -122,9 +204,15 @@ def parts(url: str, calls: int) -> None:
 
 
 async def _timed(caller: Caller, ask: Callable[..., Any], name: str, calls: int) -> tuple[float, float]:
-    await asyncio.gather(*(ask(caller, f"{name} warm {number}") for number in range(50)))
+    turns = asyncio.Semaphore(CONCURRENCY)
+
+    async def one(number: int) -> None:
+        async with turns:
+            await ask(caller, f"{name} {number}")
+
+    await asyncio.gather(*(one(-number) for number in range(1, 100)))
     wall, cpu = time.perf_counter(), time.process_time()
-    await asyncio.gather(*(ask(caller, f"{name} {number}") for number in range(calls)))
+    await asyncio.gather(*(one(number) for number in range(calls)))
     spent = time.perf_counter() - wall, time.process_time() - cpu
     await caller.aclose()
     return spent
@@ -146,36 +234,31 @@ def _work(url: str, folder: str, cache: bool) -> Work:
     )
 
 
-def serve() -> None:
-    """Be the server, until the input ends; then say what CPU time it took."""
-    with CountingServer() as server:
-        print(server.base_url, flush=True)
-        sys.stdin.read()
-        print(f"server: {1e3 * time.process_time() / max(1, server.sent):.2f} ms CPU a call, start included")
-
-
 def main() -> None:
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("--calls", type=int, default=4000, help="calls of each measurement")
-    options.add_argument("--actors", type=int, nargs="*", default=[1, 2, 4], help="numbers of actors")
+    options.add_argument("--calls", type=int, default=6000, help="calls of each measurement")
+    options.add_argument("--actors", type=int, nargs="*", default=[4], help="numbers of actors")
+    options.add_argument("--at-least", type=float, default=500.0, help="calls a second that every pool is to make")
+    options.add_argument("--parts", action="store_true", help="also measure a call part after part in one process")
     options.add_argument("--serve", action="store_true", help=argparse.SUPPRESS)
     given = options.parse_args()
     if given.serve:
         serve()
         return
-    command = [sys.executable, __file__, "--serve"]
-    server = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-    assert server.stdout is not None
-    url = server.stdout.readline().strip()
-    parts(url, given.calls // 2)
+    os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:CORES])
+    server = Server()
+    if given.parts:
+        parts(server.url, given.calls // 2)
+    good = True
     if given.actors:
         from workers.ray_session import ray_session
 
-        with ray_session(cpus=2):
+        with ray_session(cpus=CORES):
             for cache in (True, False):
                 for actors in given.actors:
-                    pool(url, actors, given.calls, cache)
-    print(server.communicate()[0], end="")
+                    good &= pool(server, actors, given.calls, cache, given.at_least)
+    server.end()
+    sys.exit(not good)
 
 
 if __name__ == "__main__":

@@ -30,6 +30,10 @@ _ROW_STAGE: Mapping[Stage, str] = {"answer_one": "answer", "answer_many": "answe
 """The two answer prompts are one stage of the method."""
 
 
+CLAIMED_S = 0.2
+"""Seconds until it is looked again whether another run that asks the same just now has ended."""
+LONGEST_CLAIM_S = 600.0
+"""Seconds after which it is not waited for any longer: its process may hang."""
 LAST_WORDS_S = 5.0
 """Seconds in which the gates of a caller that is closed may say what its last calls cost."""
 
@@ -259,7 +263,7 @@ class Caller:
         """Send a request once, when its endpoint's gate lets it, and store its reply.
 
         The gate hears of the end only after that: a call with the same key that waits there, in whatever process,
-        then finds the reply.
+        then finds the reply. Another run's waits for the claim.
         """
         toll = self.tolls.get(client.name.partition(":")[0])
         if toll is None or toll.gate is None:
@@ -267,13 +271,22 @@ class Caller:
             await self._store(client, request, key, cache, sent.reply)
             return sent
         start = self._clock()
-        ticket = await toll.gate.enter(*toll.estimate.most(request), "" if cache is None else key)
-        wait_s = self._clock() - start
-        stored = cache.get(key) if cache is not None else None
-        if stored is not None:
+        while True:
+            ticket = await toll.gate.enter(*toll.estimate.most(request), "" if cache is None else key)
+            # Within a run equal calls wait at the gate; the claim is for other runs that share the folder.
+            if cache is None or cache.claim(key) or self._clock() - start > LONGEST_CLAIM_S:
+                break
             toll.gate.leave(ticket, 0, sent=False)
-            return _Sent(stored, cached=True)
+            await self._sleep(CLAIMED_S)
+            while not cache.claim(key) and self._clock() - start <= LONGEST_CLAIM_S:
+                await self._sleep(CLAIMED_S)
+            cache.unclaim(key)  # it is not held in the queue
+        wait_s = self._clock() - start
         try:
+            stored = cache.get(key) if cache is not None else None
+            if stored is not None:
+                toll.gate.leave(ticket, 0, sent=False)
+                return _Sent(stored, cached=True)
             sent = await self._timed(client, request, wait_s, toll)
             await self._store(client, request, key, cache, sent.reply)
         except _FailedTry as failed:
@@ -285,6 +298,9 @@ class Caller:
         except BaseException:
             toll.gate.leave(ticket, None)
             raise
+        finally:
+            if cache is not None:
+                cache.unclaim(key)
         used = sent.reply.prompt_tokens + sent.reply.completion_tokens
         toll.gate.leave(ticket, used or None, sent.usd or 0.0)
         return sent

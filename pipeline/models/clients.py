@@ -59,7 +59,8 @@ def make_caller(
     tolls = {}
     for name in config.remote_endpoints():
         endpoint = config.endpoints[name]
-        estimate = TokenEstimate(endpoint.image_tokens, endpoint.max_tokens, endpoint.price or Price())
+        price = endpoint.price or Price()
+        estimate = TokenEstimate(endpoint.image_tokens, endpoint.max_tokens, price, endpoint.structured)
         tolls[name] = Toll((gates or {}).get(name), estimate, endpoint.price)
     return Caller(
         make_clients(config, offline=replay),

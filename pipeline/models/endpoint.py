@@ -22,13 +22,14 @@ from datetime import UTC
 from email.utils import parsedate_to_datetime
 from typing import Any
 
+import aiohttp
 import httpx2
 import openai
 from PIL import Image
 
 from pipeline.models.config import EndpointConfig, ImageConfig
 from pipeline.models.messages import ImagePart, Message, Reply, Request
-from pipeline.models.reply_schemas import reply_schema, schema_note
+from pipeline.models.reply_schemas import response_format, schema_note
 from schemas.errors import (
     InputError,
     LostReplyError,
@@ -73,7 +74,7 @@ class EndpointClient:
     """
 
     def __init__(self, name: str, config: EndpointConfig) -> None:
-        self._endpoint, self._config = name, config
+        self._endpoint, self._config, self._identity = name, config, config.identity()
         self._connections: weakref.WeakKeyDictionary[asyncio.AbstractEventLoop, _Connection]
         self._connections = weakref.WeakKeyDictionary()
         self._key()
@@ -85,7 +86,7 @@ class EndpointClient:
 
     def identity(self) -> Mapping[str, Any]:
         """Return what changes a reply; timeouts, concurrency and the key's variable do not."""
-        return self._config.identity()
+        return self._identity
 
     async def complete(self, request: Request) -> Reply:
         """Send one request and return the reply.
@@ -107,13 +108,11 @@ class EndpointClient:
                 response = await connection.client.post("/chat/completions", cast_to=httpx2.Response, body=body)
         except openai.APIStatusError as error:
             raise self._status_error(error, request) from None
-        except openai.APITimeoutError:
-            raise LostReplyError(f"{self.name}: timed out (read timeout {self._config.read_timeout_s:g} s)") from None
         except TimeoutError:
             raise LostReplyError(f"{self.name}: no reply within {self._config.deadline_s:g} s") from None
         except openai.APIConnectionError as error:
-            raise LostReplyError(self._clean(f"connection failed: {error.__cause__ or error}")) from None
-        except openai.OpenAIError as error:
+            raise self._connection_error(error) from None
+        except (openai.OpenAIError, aiohttp.ClientError) as error:  # the library passes on what is no HTTP as it is
             raise LostReplyError(self._clean(f"unusable reply: {error}")) from None
         return self._read(response.content)
 
@@ -148,7 +147,8 @@ class EndpointClient:
                 self._config.deadline_s, connect=self._config.connect_timeout_s, read=self._config.read_timeout_s
             )
             most = self._config.concurrency
-            sockets = openai.DefaultAsyncHttpxClient(
+            # Of the library's two transports the one that takes half the CPU time, and no more with many connections.
+            sockets = openai.DefaultAioHttpClient(
                 limits=httpx2.Limits(max_connections=most, max_keepalive_connections=most), timeout=timeout
             )
             client = openai.AsyncOpenAI(
@@ -163,7 +163,7 @@ class EndpointClient:
 
     def _body(self, request: Request) -> dict[str, Any]:
         config = self._config
-        messages, form = request.messages, _response_format(request, config.structured)
+        messages, form = request.messages, response_format(request, config.structured)
         if form is not None:
             asked = messages[-1]
             messages = (*messages[:-1], Message(asked.role, (*asked.parts, f"\n\n{schema_note(request)}")))
@@ -205,6 +205,16 @@ class EndpointClient:
             raise QuestionError(self._clean("refused by the server's content filter"))
         return Reply(text, tokens[0], tokens[1], model)
 
+    def _connection_error(self, error: openai.APIConnectionError) -> LostReplyError:
+        """A hang-up reaches us as a timeout to connect, so only the first cause tells one from the other."""
+        cause: BaseException = error
+        while cause.__cause__ is not None:
+            cause = cause.__cause__
+        if not isinstance(cause, TimeoutError):
+            return LostReplyError(self._clean(f"connection failed: {cause}"))
+        connect_s, read_s = self._config.connect_timeout_s, self._config.read_timeout_s
+        return LostReplyError(f"{self.name}: timed out (connect timeout {connect_s:g} s, read timeout {read_s:g} s)")
+
     def _status_error(self, error: openai.APIStatusError, request: Request) -> SplatReasonerError:
         message = _message(error.body) or error.message
         structured = self._config.structured
@@ -229,13 +239,6 @@ class EndpointClient:
         text = " ".join(text.split())
         text = text.replace(key, "***") if key else text
         return f"{self.name}: {text[:TEXT_LIMIT]}"
-
-
-def _response_format(request: Request, structured: str) -> dict[str, Any] | None:
-    schema = None if structured == "none" else reply_schema(request)
-    if schema is None or structured == "json_object":
-        return None if schema is None else {"type": "json_object"}
-    return {"type": "json_schema", "json_schema": {"name": request.stage, "strict": True, "schema": schema}}
 
 
 def _names_form(param: str | None, message: str, request: Request) -> bool:

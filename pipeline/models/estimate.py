@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 
 from pipeline.models.messages import Reply, Request
+from pipeline.models.reply_schemas import response_format, schema_note
 
 BYTES_PER_TOKEN = 3.0
 """English runs at four to five bytes a token, code and other languages at two to three; usage corrects it upward."""
@@ -58,10 +60,11 @@ class TokenEstimate:
         image_tokens: Tokens of one picture at the size and detail it is sent with.
         reply_tokens: Longest reply; None where the endpoint sets no limit.
         price: What tokens cost.
+        structured: The endpoint's way of asking for a reply's form, whose text counts too.
     """
 
-    def __init__(self, image_tokens: int, reply_tokens: int | None, price: Price) -> None:
-        self._image_tokens, self._price = image_tokens, price
+    def __init__(self, image_tokens: int, reply_tokens: int | None, price: Price, structured: str = "none") -> None:
+        self._image_tokens, self._price, self._structured = image_tokens, price, structured
         self._reply_tokens = UNLIMITED_REPLY_TOKENS if reply_tokens is None else reply_tokens
         self._scale = 1.0
 
@@ -79,5 +82,8 @@ class TokenEstimate:
     def _prompt(self, request: Request) -> float:
         texts = (part for message in request.messages for part in message.parts if isinstance(part, str))
         size = sum(len(text.encode("utf-8", "replace")) for text in texts)
+        form = response_format(request, self._structured)
+        if form is not None:
+            size += len(json.dumps(form)) + len(schema_note(request).encode("utf-8", "replace"))
         images = self._image_tokens * len(request.images())
         return size / BYTES_PER_TOKEN + images + TOKENS_PER_MESSAGE * len(request.messages)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import errno
 import fcntl
+import itertools
 import os
 import uuid
 from collections.abc import Collection, Iterator, Mapping
@@ -16,6 +17,11 @@ from pathlib import Path
 
 NO_LOCKS = frozenset({errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP})
 """What a file system without locks says."""
+
+
+_OURS = uuid.uuid4().hex
+"""Names of unfinished files: two processes that share a folder, on whatever machines, never write the same one."""
+_numbers = itertools.count()
 
 
 class FileLog:
@@ -51,17 +57,26 @@ class FileLog:
 
 def write_unsynced(path: Path, content: bytes) -> None:
     """Write a file so that a reader sees all of it or nothing; it may be lost with the machine."""
-    temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex}.tmp")
+    # Plain calls rather than those of `Path`, which take longer than the disk does.
+    folder, name = os.path.split(path)
+    temporary = f"{folder}/.{name}.{_OURS}-{os.getpid()}-{next(_numbers)}.tmp"
     try:
         try:
-            temporary.write_bytes(content)
+            _write(temporary, content)
         except FileNotFoundError:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            temporary.write_bytes(content)
-        temporary.replace(path)
+            os.makedirs(folder, exist_ok=True)
+            _write(temporary, content)
+        os.replace(temporary, path)
     except BaseException:
-        temporary.unlink(missing_ok=True)
+        with suppress(FileNotFoundError):
+            os.unlink(temporary)
         raise
+
+
+def _write(path: str, content: bytes) -> None:
+    with open(path, "wb", buffering=0) as file:
+        if file.write(content) < len(content):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def settle(log: FileLog) -> None:

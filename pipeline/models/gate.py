@@ -3,7 +3,8 @@
 Callers wait in `enter` until their call may go, and say in `leave` what it cost. The admission may live in this loop or
 in another process: a gate talks to it in exchanges, each of which carries all that gathered since the last one, so that
 hundreds of calls a second cost a few exchanges; while calls wait, one exchange listens. Every part of an exchange may
-be told twice without harm: a gate whose exchange failed, or whose admission was made anew, tells it again.
+be told twice without harm: a gate whose exchange failed, or whose admission was made anew, tells it again, with all
+its calls that wait.
 """
 
 from __future__ import annotations
@@ -39,13 +40,15 @@ class Exchange:
     gate: str
     """Who speaks; its wishes' ids begin with this and a colon."""
     wishes: tuple[Wish, ...] = ()
-    """Its calls that want to go: all of them when it listens, else the new ones."""
+    """Its calls that want to go and were not told yet, or not for certain."""
     done: tuple[Done, ...] = ()
     """Its calls that have ended."""
     withdrawn: tuple[str, ...] = ()
     """Its calls that no longer want to go."""
     listen: bool = False
     """Whether it waits for news, `LONGEST_WAIT_S` at most."""
+    authority: str = ""
+    """Whom it told its wishes so far; empty when nobody."""
 
 
 @dataclass(slots=True)
@@ -56,6 +59,8 @@ class News:
     """Calls that may be sent now."""
     refused: list[tuple[str, str]] = field(default_factory=list)
     """Calls that never may, with the reason."""
+    authority: str = ""
+    """Who says so; another than before knows nothing of the calls that wait."""
 
     def __bool__(self) -> bool:
         return bool(self.granted or self.refused)
@@ -83,7 +88,7 @@ class LocalAuthority:
     """
 
     def __init__(self, admission: Admission, clock: Callable[[], float] = time.monotonic) -> None:
-        self._admission, self._clock = admission, clock
+        self._admission, self._clock, self._name = admission, clock, uuid.uuid4().hex
         self._news: dict[str, News] = {}
         self._arrived: dict[str, asyncio.Event] = {}
         self._present: dict[str, str] = {}
@@ -93,7 +98,7 @@ class LocalAuthority:
         """Take in what a gate tells and return the news for it; one that listens waits for some."""
         admission = self._admission
         if exchange.gate in self._gone:
-            return News()
+            return News(authority=self._name)
         self._note(exchange.gate)
         for done in exchange.done:
             admission.done(done, self._clock())
@@ -106,14 +111,15 @@ class LocalAuthority:
         wait_s = self._decide()
         until = self._clock() + LONGEST_WAIT_S
         arrived = self._arrived.setdefault(exchange.gate, asyncio.Event())
-        while exchange.listen and not self._of(exchange.gate) and self._clock() < until:
+        listen = exchange.listen and exchange.authority in ("", self._name)
+        while listen and not self._of(exchange.gate) and self._clock() < until:
             arrived.clear()
             left = until - self._clock()
             try:
                 await asyncio.wait_for(arrived.wait(), left if wait_s is None else min(left, wait_s))
             except TimeoutError:
                 wait_s = self._decide()
-        return self._news.pop(exchange.gate, News())
+        return self._news.pop(exchange.gate, News(authority=self._name))
 
     def _note(self, gate: str) -> None:
         """Take note of a gate that is heard for the first time: the one that was in its place is gone."""
@@ -126,7 +132,7 @@ class LocalAuthority:
                 self._gone.add(before)
 
     def _of(self, gate: str) -> News:
-        return self._news.setdefault(gate, News())
+        return self._news.setdefault(gate, News(authority=self._name))
 
     def _decide(self) -> float | None:
         answer = self._admission.grant(self._clock())
@@ -152,7 +158,7 @@ class Gate:
 
     def __init__(self, authority: Authority, place: str | None = None) -> None:
         unique = uuid.uuid4().hex
-        self._authority, self._name = authority, f"{place or unique}.{unique}"
+        self._authority, self._name, self._told = authority, f"{place or unique}.{unique}", ""
         self._numbers = itertools.count()
         self._waiting: OrderedDict[str, tuple[Wish, asyncio.Future[None]]] = OrderedDict()
         self._new, self._done, self._withdrawn = list[Wish](), list[Done](), list[str]()
@@ -220,18 +226,17 @@ class Gate:
             self._telling = asyncio.get_running_loop().create_task(self._tell())
 
     async def _tell(self) -> None:
-        await asyncio.sleep(GATHER_S)
         while self._new or self._done or self._withdrawn:
-            new, done, withdrawn = tuple(self._new), tuple(self._done), tuple(self._withdrawn)
+            await asyncio.sleep(GATHER_S)
+            # A call granted meanwhile is not told again: with its end in the same exchange it would count twice.
+            new = tuple(wish for wish in self._new if wish.id in self._waiting)
+            done, withdrawn = tuple(self._done), tuple(self._withdrawn)
             self._new, self._done, self._withdrawn = [], [], []
             try:
                 self._hear(await self._authority.exchange(Exchange(self._name, new, done, withdrawn)))
             except RetryError:
-                self._new, self._done, self._withdrawn = (
-                    [*new, *self._new],
-                    [*done, *self._done],
-                    [*withdrawn, *self._withdrawn],
-                )
+                self._done, self._withdrawn = [*done, *self._done], [*withdrawn, *self._withdrawn]
+                self._tell_all()
                 await asyncio.sleep(AGAIN_S)
             except Exception as error:
                 self._fail(error)
@@ -241,16 +246,25 @@ class Gate:
 
     async def _listen(self) -> None:
         while self._waiting:
-            wishes = tuple(wish for wish, _ in self._waiting.values())
             try:
-                self._hear(await self._authority.exchange(Exchange(self._name, wishes, listen=True)))
+                listening = Exchange(self._name, listen=True, authority=self._told)
+                self._hear(await self._authority.exchange(listening))
             except RetryError:
+                self._tell_all()
                 await asyncio.sleep(AGAIN_S)
             except Exception as error:
                 self._fail(error)
                 raise
 
+    def _tell_all(self) -> None:
+        """Tell again of every call that waits: a grant may have been lost with an answer, or the queue with all."""
+        self._new = [wish for wish, _ in self._waiting.values()]
+        self._tell_soon()
+
     def _hear(self, news: News) -> None:
+        told, self._told = self._told, news.authority
+        if told not in ("", news.authority):
+            self._tell_all()
         for wish_id in news.granted:
             if wish_id in self._waiting:
                 self._waiting.pop(wish_id)[1].set_result(None)

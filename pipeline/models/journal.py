@@ -7,6 +7,7 @@ loses none of them; a machine that goes down may lose the last seconds, after wh
 from __future__ import annotations
 
 import json
+import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -57,6 +58,11 @@ class Journal:
 
     def __init__(self, path: Path, session: str, wall_clock: Callable[[], float] = time.time) -> None:
         self._path, self._session, self._wall_clock = path, session, wall_clock
+        self._file: int | None = None
+
+    def __del__(self) -> None:
+        if self._file is not None:
+            os.close(self._file)
 
     def record(self, entry: Wish | Done) -> None:
         """Add a line.
@@ -72,10 +78,13 @@ class Journal:
         else:
             line = {"unsent": entry.id}
         try:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            with self._path.open("ab", buffering=0) as file:
-                # The line break comes first: a line cut short by a crash does not swallow the next one.
-                file.write(b"\n" + json.dumps(line).encode())
+            if self._file is None:
+                self._path.parent.mkdir(parents=True, exist_ok=True)
+                self._file = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o666)
+            # The line break comes first: a line cut short by a crash does not swallow the next one.
+            content = b"\n" + json.dumps(line).encode()
+            if os.write(self._file, content) < len(content):
+                raise OSError("cut short")
         except OSError as error:
             raise StopError(f"{self._path}: what calls cost cannot be noted: {error.strerror or error}") from error
 

@@ -64,6 +64,19 @@ def schema_note(request: Request) -> str:
     return ""
 
 
+def response_format(request: Request, structured: str) -> dict[str, Any] | None:
+    """Return the field `response_format` of a request; None where nothing is asked of the reply's form.
+
+    Args:
+        request: The request.
+        structured: An endpoint's way: none, json_schema or json_object.
+    """
+    schema = None if structured == "none" else reply_schema(request)
+    if schema is None or structured == "json_object":
+        return None if schema is None else {"type": "json_object"}
+    return {"type": "json_schema", "json_schema": {"name": request.stage, "strict": True, "schema": schema}}
+
+
 def _object(fields: Mapping[str, Any]) -> dict[str, Any]:
     return {"type": "object", "properties": dict(fields), "required": list(fields), "additionalProperties": False}
 

@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.models import cache as cache_module
 from pipeline.models.cache import LOGS, CallCache, GroupedPuts, NewReply, call_key
 from pipeline.models.file_log import FileLog, settle
 from pipeline.models.messages import ImagePart, Message, Observation, Reply, Request
-from schemas.errors import InputError
+from schemas.errors import InputError, StopError
 
 KEY = "ab" + "0" * 62
 REPLY = Reply("On the desk.\nüñ 青 \ud800", 12, 3, "m-1")
@@ -89,6 +89,7 @@ def test_put_then_get_returns_the_reply(tmp_path: Path) -> None:
 
 
 @given(st.text(), st.integers(0, 10**9), st.text(max_size=20))
+@settings(deadline=None)  # the disk may have other things to do
 def test_put_then_get_any_text(tmp_path_factory: pytest.TempPathFactory, text: str, tokens: int, model: str) -> None:
     cache = CallCache(tmp_path_factory.mktemp("calls"))
     cache.put(KEY, Reply(text, tokens, 1, model))
@@ -135,7 +136,7 @@ def test_put_that_fails_leaves_neither_entry_nor_rest(tmp_path: Path, monkeypatc
     cache = CallCache(tmp_path)
     cache.path(KEY).parent.mkdir()
     monkeypatch.setattr(os, "fsync", full_disk)
-    with pytest.raises(InputError, match="No space"):
+    with pytest.raises(StopError, match="No space"):
         cache.put(KEY, REPLY)
     assert list(cache.path(KEY).parent.iterdir()) == []
 
@@ -290,7 +291,7 @@ def test_close_that_cannot_sync_raises_and_leaves_the_log(tmp_path: Path, monkey
     cache.put(KEY, REPLY)
     with monkeypatch.context() as patch:
         patch.setattr(os, "fsync", broken_disk)
-        with pytest.raises(InputError, match="Input/output"):
+        with pytest.raises(StopError, match="Input/output"):
             cache.close()
     assert len(_logs(tmp_path)) == 1
     cache.path(KEY).unlink()

@@ -162,3 +162,54 @@ def test_a_gate_in_the_place_of_one_that_died_goes_on_at_once() -> None:
     at, late = simulate(main())
     assert at < 1.0
     assert not late, "what arrives late from the dead one is not heard"
+
+
+class Restarted:
+    """An admission that is made anew, without its queue, the moment a number of wishes is in it."""
+
+    def __init__(self, wishes: int, *, told: bool) -> None:
+        self.inner, self.wishes, self.told, self.count = authority(concurrency=1), wishes, told, 0
+
+    async def exchange(self, exchange: Exchange) -> News:
+        self.count += len(exchange.wishes)
+        if self.wishes and self.count >= self.wishes and exchange.listen:
+            self.wishes, self.inner = 0, authority(concurrency=1)
+            if self.told:
+                raise RetryError("the admission is gone")
+        return await self.inner.exchange(exchange)
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_calls_that_wait_are_told_to_an_admission_made_anew(told: bool) -> None:
+    async def main() -> tuple[int, float]:
+        shared = Restarted(5, told=told)
+        gate = Gate(shared)
+
+        async def call() -> None:
+            ticket = await gate.enter(1)
+            await asyncio.sleep(0.1)
+            gate.leave(ticket, 1)
+
+        async with asyncio.timeout(60.0):
+            await asyncio.gather(*(call() for _ in range(5)))
+        return shared.wishes, now_s()
+
+    left, seconds = simulate(main())
+    assert left == 0
+    assert seconds < 1.5, "nobody waited for a listening exchange to end by itself"
+
+
+def test_a_wish_is_told_once_however_long_it_waits() -> None:
+    async def main() -> int:
+        shared = Restarted(0, told=False)
+        gate = Gate(shared)
+
+        async def call() -> None:
+            ticket = await gate.enter(1)
+            await asyncio.sleep(1.0)
+            gate.leave(ticket, 1)
+
+        await asyncio.gather(*(call() for _ in range(40)))
+        return shared.count
+
+    assert simulate(main()) == 40
