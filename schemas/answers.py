@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from schemas.table import TableSpec
+from schemas.table import Added, TableSpec
 
 Status = Literal["answered", "unparsed", "failed", "skipped"]
 """answered; unparsed: a reply stayed unreadable after re-asking; failed: an error; skipped: nothing to look at."""
@@ -95,6 +95,8 @@ class ArmRow:
     """3D IoU (ground_one) or instance-aware 3D mIoU of this question (ground_many), 0 to 1; null when unscored."""
     region_gaussians: int | None
     """Gaussians in the predicted region."""
+    pair_ious: tuple[float, ...] | None = None
+    """IoU of each instance assigned to a target (ground_many, scored); null elsewhere and in parts of version 1."""
 
 
 ANSWERS = TableSpec(
@@ -123,11 +125,12 @@ ANSWERS = TableSpec(
         "calls_saved": "int32",
         "saved": "list<string>",
     },
+    added={"calls_saved": Added(2, 0), "saved": Added(2, ())},
 )
 
 ARMS = TableSpec(
     name="arms",
-    version=1,
+    version=2,
     record=ArmRow,
     key=("method", "question_id", "arm"),
     columns={
@@ -149,5 +152,7 @@ ARMS = TableSpec(
         "targets": "int32?",
         "iou": "float64?",
         "region_gaussians": "int64?",
+        "pair_ious": "list<float64>?",
     },
+    added={"pair_ious": Added(2)},
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.table import TableSpec
+from schemas.table import Added, TableSpec
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +105,7 @@ CALLS = TableSpec(
         "usd": "float64?",
         "cached": "bool",
     },
+    added={"wait_s": Added(2, 0.0), "usd": Added(2)},
 )
 
 TIMINGS = TableSpec(

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.table import TableSpec
+from schemas.table import Added, TableSpec
+
+UNMEASURED = float("nan")
+"""Measures of a view in parts of version 1; touches_border and new_gaussians are False and 0 there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,5 +124,14 @@ CANDIDATES = TableSpec(
         "source": "string",
         "answer": "string?",
         "chosen": "bool",
+    },
+    added={
+        "area": Added(2, UNMEASURED),
+        "centring": Added(2, UNMEASURED),
+        "truncation": Added(2, UNMEASURED),
+        "touches_border": Added(2, False),
+        "new_gaussians": Added(2, 0),
+        "unobserved": Added(2),
+        "floaters": Added(2),
     },
 )

@@ -6,17 +6,31 @@ The plan holds the questions themselves, so that a run can be resumed from its f
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import io
+import re
+import tempfile
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from schemas.parts import ROW_GROUP_ROWS, WRITER
+from schemas import storage
+from schemas.errors import InputError
+from schemas.parts import ROW_GROUP_ROWS, WRITER, write_stream
 from schemas.questions import Question
 from schemas.table import TableSpec
 
+if TYPE_CHECKING:
+    import pyarrow as pa
+
 PLAN_FILE = "plan.parquet"
+
+BATCH_ROWS = 4096
+"""Rows that are records at a time, when a plan is written or read."""
+
+_UNIT_ID = re.compile(r"[A-Za-z0-9_-]+")
+"""Unit ids become file names."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +122,63 @@ class PlannedUnit:
             yield PlanRow(*shared, **{name: getattr(question, name) for name in _QUESTION_FIELDS})
 
 
+@dataclass(frozen=True, slots=True)
+class WrittenPlan:
+    """A plan that has been written."""
+
+    sha256: str
+    """Hash of the file."""
+    units: int
+    """Units in it."""
+    questions: int
+    """Questions in it."""
+
+
+def write_plan(uri: str, units: Iterable[PlannedUnit]) -> WrittenPlan:
+    """Write the plan, which appears whole or, when `units` ends in an error, not at all.
+
+    One row group is in memory at a time, however many units there are.
+
+    Args:
+        uri: Path or URI of the file.
+        units: The units in order.
+    """
+    path, counted = storage.local_path(uri), _Counted(units)
+    if path is not None:
+        questions = write_stream(PLAN, counted.tables(), path)
+        return WrittenPlan(_sha256(path), counted.units, questions)
+    with tempfile.TemporaryDirectory(prefix="splatreasoner-") as place:
+        aside = Path(place, PLAN_FILE)
+        questions = write_stream(PLAN, counted.tables(), aside)
+        storage.write_bytes_atomic(uri, aside.read_bytes())
+        return WrittenPlan(_sha256(aside), counted.units, questions)
+
+
+class _Counted:
+    """Units on their way into a file, counted as they pass."""
+
+    def __init__(self, units: Iterable[PlannedUnit]) -> None:
+        self._source = units
+        self.units = 0
+
+    def tables(self) -> Iterator[pa.Table]:
+        """Yield the rows, some thousands at a time."""
+        waiting: list[PlanRow] = []
+        for unit in self._source:
+            self.units += 1
+            waiting.extend(unit.rows())
+            if len(waiting) >= BATCH_ROWS:
+                yield PLAN.to_arrow(waiting)
+                waiting = []
+        if waiting:
+            yield PLAN.to_arrow(waiting)
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
 def encode_plan(units: Iterable[PlannedUnit]) -> bytes:
     """Return the plan as the bytes of one Parquet file."""
     import pyarrow.parquet as pq
@@ -129,15 +200,17 @@ def iter_plan(path: Path) -> Iterator[PlannedUnit]:
     """Yield the units of a plan file in order, a batch of rows in memory at a time.
 
     Raises:
-        InputError: The file is not a plan of this version.
+        InputError: The file is not a plan of this version, or a unit's id could not be a file name.
     """
     import pyarrow.parquet as pq
 
     with pq.ParquetFile(path, page_checksum_verification=True) as file:
         PLAN.check(file.schema_arrow, path)
         waiting: list[PlanRow] = []
-        for batch in file.iter_batches(batch_size=4096):
+        for batch in file.iter_batches(batch_size=BATCH_ROWS):
             for row in PLAN.to_rows(batch):
+                if not _UNIT_ID.fullmatch(row.unit):
+                    raise InputError(path, field="unit", expected="letters, digits, - and _ only", found=repr(row.unit))
                 if waiting and row.unit_index != waiting[0].unit_index:
                     yield _unit(waiting)
                     waiting = []

@@ -3,7 +3,10 @@
 run.json        resolved configuration, versions, hash of the plan; written after the plan: with it the run exists
 plan.parquet    every planned question
 <table>/        parts, named by unit and content
-manifests/      one JSON per committed unit
+manifests/      one JSON per committed unit, until its block is merged
+blocks/         one JSON per block of units whose parts were merged
+discarded/      one JSON per commit that does not count any more
+driver/         one JSON per driver the run has had, counted
 calls/          cache of model calls, and journals of what they cost
 visibility/     rows of the visibility index, unless the job names another folder
 images/         thumbnails of the views that were considered
@@ -23,9 +26,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from schemas import storage
+from schemas.committed import Committed, PartReader
 from schemas.errors import InputError
-from schemas.manifest import Manifest, committed_units, load_manifest, read_part
+from schemas.manifest_file import Manifest, sealed
 from schemas.plan import PLAN_FILE, PlannedUnit, iter_plan
+from schemas.plan_columns import unit_sizes
 from schemas.tables import table_spec
 
 if TYPE_CHECKING:
@@ -33,6 +38,10 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 RUN_FILE = "run.json"
+
+_DEVICE = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNORECASE)
+"""Names that some systems keep for devices."""
+
 LONGEST_NAME = 80
 """Longest escaped name; longer ones are cut and told apart by their hash. File systems stop at 255."""
 
@@ -76,29 +85,39 @@ class RunFolder:
         return hashlib.sha256(str(known).encode()).hexdigest()[:32]
 
     def write_run(self, content: Mapping[str, Any]) -> None:
-        """Write run.json."""
-        text = json.dumps(content, indent=1, sort_keys=True, ensure_ascii=False)
-        storage.write_bytes_atomic(self.uri(RUN_FILE), text.encode())
+        """Write run.json, with a hash of its content for `verify`."""
+        storage.write_bytes_atomic(self.uri(RUN_FILE), sealed(content))
 
     def units(self) -> Iterator[PlannedUnit]:
-        """Yield the planned units in order."""
+        """Yield the planned units in order.
+
+        Raises:
+            InputError: There is no plan, or it is damaged.
+        """
+        import pyarrow as pa
+
         uri = self.uri(PLAN_FILE)
         if not storage.exists(uri):
             raise InputError(self.root, expected=f"a run folder with {PLAN_FILE}", found="none")
         with storage.local_copy(uri) as path:
-            yield from iter_plan(path)
+            try:
+                yield from iter_plan(path)
+            except (pa.ArrowException, OSError) as error:
+                raise InputError(uri, expected="a readable plan", found=str(error).splitlines()[0]) from error
 
     def manifests(self) -> Iterator[Manifest]:
         """Yield the manifests of the committed units in plan order."""
-        done = set(committed_units(self.root))
-        for unit in self.units():
-            if unit.id in done:
-                yield load_manifest(self.root, unit.id)
+        committed = Committed.load(self.root)
+        for unit in unit_sizes(self.root):
+            if unit in committed:
+                yield committed.manifest(unit)
 
     def parts(self, table: str) -> Iterator[pa.Table]:
-        """Yield a table's verified parts in plan order."""
-        for manifest in self.manifests():
-            yield read_part(self.root, manifest, table)
+        """Yield a table's verified rows unit by unit, in plan order."""
+        committed, reader = Committed.load(self.root), PartReader(self.root)
+        for unit in unit_sizes(self.root):
+            if unit in committed:
+                yield committed.read(reader, unit, table)
 
 
 def read_table(run: str | Path, name: str) -> pd.DataFrame:
@@ -129,11 +148,11 @@ def read_table(run: str | Path, name: str) -> pd.DataFrame:
 def safe_name(text: str) -> str:
     """Return a file name for any text: ids that come from data never reach a path as they are.
 
-    Letters, digits, dot, dash and underscore stay; where anything else was, or the text is long or starts with a
-    dot, a hash of the whole text is added so that different texts keep different names.
+    Letters, digits, dot, dash and underscore stay; where anything else was, or the text is long, starts with a dot or
+    means a device to some systems, a hash of the whole text is added so that different texts keep different names.
     """
     kept = re.sub(r"[^A-Za-z0-9._-]", "_", text).lstrip(".")[:LONGEST_NAME]
-    if kept and kept == text:
+    if kept and kept == text and not _DEVICE.fullmatch(text):
         return kept
     return f"{kept}-{hashlib.sha256(text.encode()).hexdigest()[:10]}"
 

@@ -1,33 +1,29 @@
 """Where bytes lie: local paths and pyarrow-filesystem URIs (file, s3, gs, ...) behind one set of functions.
 
-A local path never touches pyarrow, so reading one costs no import. Errors are classified here, by type: a name that
-is wrong is an InputError, a remote store that does not answer is a RetryError.
+A local path never touches pyarrow, so reading one costs no import. Errors are classified here and in `object_store`,
+by type: a name that is wrong is an InputError, a disk that is full a StopError, a remote store that still does not
+answer after several tries a RetryError.
 """
 
 from __future__ import annotations
 
+import errno
 import os
-import posixpath
 import re
 import tempfile
-import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 from urllib.parse import quote, unquote, urlsplit
 
-from schemas.errors import InputError, RetryError
-
-if TYPE_CHECKING:
-    from pyarrow.fs import FileSystem
+from schemas import local_files, object_store
+from schemas.errors import InputError, StopError
 
 _SCHEME = re.compile(r"^[A-Za-z][A-Za-z0-9+.-]+://")
 """Two letters or more, so that a Windows drive is a path."""
 
-ATOMIC_PUT = frozenset({"s3", "gcs", "abfs"})
-"""Stores where an object appears whole or not at all; a rename there would be a copy."""
+_NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO})
+"""A disk that takes no more: nothing further can be committed, and what is committed stays."""
 
 
 def local_path(uri: str | os.PathLike[str]) -> Path | None:
@@ -39,45 +35,14 @@ def local_path(uri: str | os.PathLike[str]) -> Path | None:
     return Path(unquote(parts.path)) if parts.scheme == "file" and parts.netloc in ("", "localhost") else None
 
 
-def filesystem(uri: str | os.PathLike[str]) -> tuple[FileSystem, str]:
-    """Return the pyarrow filesystem of a path or URI, and the path within it.
-
-    Raises:
-        InputError: The scheme is unknown or the URI is malformed.
-    """
-    path = local_path(uri)
-    if path is not None:
-        from pyarrow.fs import LocalFileSystem
-
-        return LocalFileSystem(), str(path)
-    text = os.fspath(uri)
-    try:
-        store, root = _store(_with_path(text, "/"))
-    except (ValueError, OSError, NotImplementedError) as error:
-        raise InputError(uri, expected="a path or a URI such as s3://bucket/folder", found=error) from error
-    return store, posixpath.join(root, unquote(urlsplit(text).path).strip("/"))
-
-
-def _with_path(uri: str, path: str) -> str:
-    """Return a URI with another path; urlunsplit would drop the empty host of hdfs:///folder and its slashes."""
-    parts = urlsplit(uri)
-    return f"{parts.scheme}://{parts.netloc}{path}" + (f"?{parts.query}" if parts.query else "")
-
-
-@lru_cache(maxsize=32)
-def _store(root: str) -> tuple[FileSystem, str]:
-    """Return the filesystem of a bucket or host, once a process: making an S3 client asks for the bucket's region."""
-    from pyarrow.fs import FileSystem
-
-    return FileSystem.from_uri(root)
-
-
 def join(uri: str | os.PathLike[str], *names: str) -> str:
     """Return the path or URI of `names` below `uri`; a name may hold slashes, and is quoted where URIs need it."""
     text = os.fspath(uri)
     if not _SCHEME.match(text):
         return str(Path(text, *names))
-    return _with_path(text, "/".join([urlsplit(text).path.rstrip("/"), *(quote(name.strip("/")) for name in names)]))
+    return object_store.with_path(
+        text, "/".join([urlsplit(text).path.rstrip("/"), *(quote(name.strip("/")) for name in names)])
+    )
 
 
 def name_of(uri: str | os.PathLike[str]) -> str:
@@ -96,12 +61,10 @@ def read_bytes(uri: str | os.PathLike[str]) -> bytes:
         RetryError: A remote store failed to answer.
     """
     path = local_path(uri)
+    if path is None:
+        return object_store.read(os.fspath(uri))
     with _classified(uri, "a file that can be read"):
-        if path is not None:
-            return path.read_bytes()
-        store, inner = filesystem(uri)
-        with store.open_input_stream(inner) as stream:
-            return bytes(stream.read())
+        return local_files.DISK.read(path)
 
 
 def exists(uri: str | os.PathLike[str]) -> bool:
@@ -111,13 +74,7 @@ def exists(uri: str | os.PathLike[str]) -> bool:
         RetryError: A remote store failed to answer.
     """
     path = local_path(uri)
-    if path is not None:
-        return path.exists()
-    from pyarrow.fs import FileType
-
-    with _classified(uri, "a path that can be looked up"):
-        store, inner = filesystem(uri)
-        return bool(store.get_file_info(inner).type != FileType.NotFound)
+    return object_store.exists(os.fspath(uri)) if path is None else local_files.DISK.exists(path)
 
 
 def list_files(uri: str | os.PathLike[str], *, recursive: bool = False) -> tuple[str, ...]:
@@ -132,16 +89,10 @@ def list_files(uri: str | os.PathLike[str], *, recursive: bool = False) -> tuple
         RetryError: A remote store failed to answer.
     """
     path = local_path(uri)
+    if path is None:
+        return tuple(sorted(object_store.files(os.fspath(uri), recursive)))
     with _classified(uri, "a folder that can be listed"):
-        if path is not None:
-            found = path.rglob("*") if recursive else path.glob("*")
-            return tuple(sorted(p.relative_to(path).as_posix() for p in found if p.is_file()))
-        from pyarrow.fs import FileSelector, FileType
-
-        store, inner = filesystem(uri)
-        base = inner.rstrip("/")
-        infos = store.get_file_info(FileSelector(base, allow_not_found=True, recursive=recursive))
-        return tuple(sorted(info.path.removeprefix(base).lstrip("/") for info in infos if info.type == FileType.File))
+        return tuple(sorted(local_files.DISK.files(path, recursive)))
 
 
 def write_bytes_atomic(uri: str | os.PathLike[str], data: bytes) -> None:
@@ -152,22 +103,41 @@ def write_bytes_atomic(uri: str | os.PathLike[str], data: bytes) -> None:
 
     Raises:
         InputError: The place may not be written.
+        StopError: The disk takes no more.
         RetryError: A remote store failed to answer.
     """
     path = local_path(uri)
+    if path is None:
+        object_store.write(os.fspath(uri), data)
+        return
     with _classified(uri, "a place that can be written"):
-        if path is not None:
-            _write_local(path, data)
-            return
-        store, inner = filesystem(uri)
-        direct = store.type_name in ATOMIC_PUT
-        target = inner if direct else f"{inner}.{uuid.uuid4().hex}.tmp"
-        if not direct and "/" in inner:
-            store.create_dir(inner.rsplit("/", 1)[0], recursive=True)
-        with store.open_output_stream(target) as stream:
-            stream.write(data)
-        if not direct:
-            store.move(target, inner)
+        local_files.write_whole(path, data)
+
+
+def create_bytes(uri: str | os.PathLike[str], data: bytes) -> bool:
+    """Put a file where nothing lies; of several writers at once, on any machines, exactly one does.
+
+    Local: a hard link, which fails where the name is taken. Object stores: a conditional put (If-None-Match: *).
+
+    Returns:
+        True when this very content lies there now: by this call, or since an earlier try of it whose answer was lost.
+        False when something else was there first; it is left as it is.
+
+    Raises:
+        InputError: The place may not be written, or its filesystem cannot do this.
+        StopError: The disk takes no more.
+        RetryError: A remote store failed to answer.
+    """
+    path = local_path(uri)
+    if path is None:
+        return object_store.create(os.fspath(uri), data)
+    with _classified(uri, "a place that can be written"):
+        try:
+            return local_files.create(path, data)
+        except OSError as error:
+            if error.errno in local_files.NO_LINKS:
+                raise InputError(uri, expected="a file system with hard links", found=error.strerror) from error
+            raise
 
 
 def remove(uri: str | os.PathLike[str]) -> None:
@@ -178,12 +148,11 @@ def remove(uri: str | os.PathLike[str]) -> None:
         RetryError: A remote store failed to answer.
     """
     path = local_path(uri)
+    if path is None:
+        object_store.remove(os.fspath(uri))
+        return
     with _classified(uri, "a file that can be removed"):
-        if path is not None:
-            path.unlink(missing_ok=True)
-        elif exists(uri):
-            store, inner = filesystem(uri)
-            store.delete_file(inner)
+        local_files.DISK.unlink(path)
 
 
 @contextmanager
@@ -206,35 +175,15 @@ def local_copy(uri: str | os.PathLike[str]) -> Iterator[Path]:
         yield copy
 
 
-def _write_local(path: Path, data: bytes) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex}.tmp")
-    try:
-        with temporary.open("wb") as stream:
-            stream.write(data)
-            stream.flush()
-            os.fsync(stream.fileno())
-        temporary.replace(path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
-    folder = os.open(path.parent, os.O_RDONLY)
-    try:
-        os.fsync(folder)
-    finally:
-        os.close(folder)
-
-
 @contextmanager
 def _classified(uri: str | os.PathLike[str], expected: str) -> Iterator[None]:
-    """Turn what filesystems raise into this project's errors."""
+    """Turn what the operating system raises about a local file into this project's errors."""
     try:
         yield
     except FileNotFoundError as error:
         raise InputError(uri, expected=expected, found="nothing there") from error
-    except (IsADirectoryError, NotADirectoryError, PermissionError, FileExistsError) as error:
-        raise InputError(uri, expected=expected, found=error.strerror or type(error).__name__) from error
     except OSError as error:
-        if local_path(uri) is not None:
-            raise InputError(uri, expected=expected, found=error.strerror or error) from error
-        raise RetryError(f"{os.fspath(uri)}: {error}") from error
+        found = error.strerror or type(error).__name__
+        if error.errno in _NO_ROOM:
+            raise StopError(f"{os.fspath(uri)}: {found}: make room, then resume") from error
+        raise InputError(uri, expected=expected, found=found) from error

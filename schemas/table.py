@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from schemas.errors import InputError
@@ -20,6 +20,16 @@ R = TypeVar("R")
 
 SCALARS = ("string", "bool", "int32", "int64", "float64")
 """Scalar column types: all that the tables need, each with one obvious pandas type."""
+
+
+@dataclass(frozen=True, slots=True)
+class Added:
+    """When a column came, and what older parts hold in its place."""
+
+    version: int
+    """First table version with the column."""
+    default: Any = None
+    """Value of rows written before; None where the column allows null."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,11 +50,18 @@ class TableSpec(Generic[R]):
     """Column name to type notation, in the order of the record's fields."""
     key: tuple[str, ...]
     """Columns that tell one row from every other in a run."""
+    added: Mapping[str, Added] = field(default_factory=dict)
+    """Columns that version 1 did not have. Columns are only ever added, so every older part can be read."""
 
     def __post_init__(self) -> None:
         fields = [field.name for field in dataclasses.fields(self.record)]  # type: ignore[arg-type]
         if fields != list(self.columns):
             raise ValueError(f"table {self.name}: columns {list(self.columns)} differ from record fields {fields}")
+        for column, change in self.added.items():
+            if column not in self.columns or not 1 < change.version <= self.version:
+                raise ValueError(f"table {self.name}: column {column} cannot have come with version {change.version}")
+            if change.default is None and not self.columns[column].endswith("?"):
+                raise ValueError(f"table {self.name}: column {column} needs a default for older rows")
         for column, notation in self.columns.items():
             inner = notation.removesuffix("?").removeprefix("list<").removesuffix(">")
             if inner not in SCALARS:
@@ -67,16 +84,16 @@ class TableSpec(Generic[R]):
 
         schema, kept = self.arrow_schema(), list(rows)
         arrays = []
-        for field in schema:
+        for column in schema:
             try:
-                array = pa.array([getattr(row, field.name) for row in kept], field.type)
+                array = pa.array([getattr(row, column.name) for row in kept], column.type)
             except (pa.ArrowInvalid, pa.ArrowTypeError) as error:
-                raise ValueError(f"table {self.name}: column {field.name}: {error}") from error
-            nulls = 0 if field.nullable else array.null_count
-            if pa.types.is_list(field.type):
+                raise ValueError(f"table {self.name}: column {column.name}: {error}") from error
+            nulls = 0 if column.nullable else array.null_count
+            if pa.types.is_list(column.type):
                 nulls += array.flatten().null_count
             if nulls:
-                raise ValueError(f"table {self.name}: column {field.name} has {nulls} nulls, expected none")
+                raise ValueError(f"table {self.name}: column {column.name} has {nulls} nulls, expected none")
             arrays.append(array)
         return pa.Table.from_arrays(arrays, schema=schema)
 
@@ -92,25 +109,51 @@ class TableSpec(Generic[R]):
         return [build(*values) for values in zip(*columns, strict=True)]
 
     def check(self, schema: pa.Schema, subject: object) -> None:
-        """Refuse a part that was not written as this table.
+        """Refuse a part that was not written as this table, in this version or an older one.
 
         Raises:
-            InputError: Name, version or a column differs.
+            InputError: The name or a column differs, or the version is unknown.
         """
         metadata = schema.metadata or {}
-        for field, expected in (("table", self.name), ("version", str(self.version))):
-            found = metadata.get(field.encode(), b"").decode(errors="replace")
-            if found != expected:
-                raise InputError(subject, field=field, expected=expected, found=found or "nothing")
-        expected_schema = self.arrow_schema()
-        if not schema.equals(expected_schema, check_metadata=False):
-            wrong = [f.name for f in expected_schema if f.name not in schema.names or schema.field(f.name) != f]
+        name = metadata.get(b"table", b"").decode(errors="replace")
+        if name != self.name:
+            raise InputError(subject, field="table", expected=self.name, found=name or "nothing")
+        version = metadata.get(b"version", b"").decode(errors="replace")
+        if version not in map(str, range(1, self.version + 1)):
+            newer = " (written by a newer splatreasoner)" if version.isdecimal() else ""
+            expected = str(self.version) if self.version == 1 else f"1 to {self.version}"
+            raise InputError(subject, field="version", expected=expected, found=f"{version or 'nothing'}{newer}")
+        fields = [
+            f for f in self.arrow_schema() if f.name not in self.added or self.added[f.name].version <= int(version)
+        ]
+        if list(schema) != fields:
+            wrong = [f.name for f in fields if f.name not in schema.names or schema.field(f.name) != f]
             raise InputError(
                 subject,
                 field=wrong[0] if wrong else "columns",
-                expected=f"the columns of {self.name} version {self.version}",
+                expected=f"the columns of {self.name} version {version}",
                 found=f"columns {', '.join(schema.names)}",
             )
+
+    def conform(self, table: pa.Table, subject: object) -> pa.Table:
+        """Return a part's rows with today's columns: those it lacks hold what `added` says.
+
+        Raises:
+            InputError: As `check`.
+        """
+        import pyarrow as pa
+
+        self.check(table.schema, subject)
+        schema = self.arrow_schema()
+        if table.num_columns == len(schema):
+            return table.replace_schema_metadata(schema.metadata)
+        arrays = [
+            table.column(column.name)
+            if column.name in table.column_names
+            else pa.array([self.added[column.name].default] * table.num_rows, column.type)
+            for column in schema
+        ]
+        return pa.Table.from_arrays(arrays, schema=schema)
 
 
 def _arrow_type(notation: str) -> pa.DataType:

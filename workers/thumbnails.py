@@ -6,11 +6,13 @@ import io
 import os
 import uuid
 from collections.abc import Mapping
+from contextlib import suppress
 
 import numpy as np
 from jaxtyping import UInt8
 
 from schemas import storage
+from schemas.errors import StopError
 
 LONG_SIDE = 256
 """Pixels of the longer side: a view is recognisable, and a thousand of them stay under 10 MB."""
@@ -34,6 +36,9 @@ def save_thumbnails(run: str, images: Mapping[str, UInt8[np.ndarray, "H W 3"]]) 
     Args:
         run: Run folder.
         images: RGB by path below the run folder. The path tells the content, so an existing file is left alone.
+
+    Raises:
+        StopError: The disk takes no more.
     """
     written = 0
     for name, color in images.items():
@@ -45,9 +50,15 @@ def save_thumbnails(run: str, images: Mapping[str, UInt8[np.ndarray, "H W 3"]]) 
             storage.write_bytes_atomic(uri, data)
         else:
             # Renamed so that no reader meets half a picture, but not synced: it can be made again.
-            path.parent.mkdir(parents=True, exist_ok=True)
             aside = path.with_name(f".{uuid.uuid4().hex}.tmp")
-            aside.write_bytes(data)
-            os.replace(aside, path)
+            try:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                aside.write_bytes(data)
+                os.replace(aside, path)
+            except OSError as error:
+                # The disk's fault, and no question's.
+                with suppress(OSError):
+                    aside.unlink(missing_ok=True)
+                raise StopError(f"{path.parent}: {error.strerror}: mend that, then resume") from error
         written += 1
     return written

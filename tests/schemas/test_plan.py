@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+import dataclasses
+import hashlib
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -10,7 +13,7 @@ from schemas import plan as plan_module
 from schemas.answers import ANSWERS
 from schemas.errors import InputError
 from schemas.parts import encode_part
-from schemas.plan import PlannedUnit, encode_plan, iter_plan
+from schemas.plan import PlannedUnit, encode_plan, iter_plan, write_plan
 from schemas.questions import Question
 from tests.workers.fake_steps import unit
 
@@ -60,4 +63,31 @@ def test_table_that_is_no_plan_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "plan.parquet"
     path.write_bytes(encode_part(ANSWERS, []))
     with pytest.raises(InputError, match=r"plan.parquet: table: expected plan, found answers"):
+        list(iter_plan(path))
+
+
+def test_written_plan_says_what_it_holds_and_reads_back(tmp_path: Path) -> None:
+    units = [unit(i, ["a", "b"]) for i in range(3_000)]
+    path = tmp_path / "plan.parquet"
+    written = write_plan(str(path), iter(units))
+    assert (written.units, written.questions) == (3_000, 6_000)
+    assert written.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert list(iter_plan(path)) == units
+    assert write_plan(str(tmp_path / "again.parquet"), units).sha256 == written.sha256
+
+
+def test_plan_whose_units_end_in_an_error_is_not_written(tmp_path: Path) -> None:
+    def units() -> Iterator[PlannedUnit]:
+        yield unit(0, ["a"])
+        raise InputError("scene", expected="a scene", found="none")
+
+    with pytest.raises(InputError):
+        write_plan(str(tmp_path / "plan.parquet"), units())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_unit_id_that_could_be_a_path_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "plan.parquet"
+    write_plan(str(path), [dataclasses.replace(unit(0, ["a"]), id="../../x")])
+    with pytest.raises(InputError, match="letters, digits"):
         list(iter_plan(path))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import string
 from pathlib import Path
@@ -11,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from schemas.errors import InputError
-from schemas.question_file import load_questions, save_questions
+from schemas.question_file import load_questions, question_at, read_lines, save_questions
 from schemas.questions import TASKS, Question
 
 GOOD = {"question_id": "q1", "scene": "flat", "task": "eqa", "question": "Where is the lamp?", "answer": "On the desk"}
@@ -111,3 +112,25 @@ def test_load_refuses_bytes_that_are_not_utf8(tmp_path: Path) -> None:
 def test_load_names_a_missing_file(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"nowhere\.jsonl"):
         load_questions(tmp_path / "nowhere.jsonl")
+
+
+def test_lines_are_read_one_by_one_and_again_by_their_byte(tmp_path: Path) -> None:
+    texts = [json.dumps({**GOOD, "question_id": str(n), "question": "où?"}, ensure_ascii=False) for n in range(3)]
+    data = ("\ufeff" + texts[0] + "\r\n\n" + texts[1] + "\nwrong\n" + texts[2]).encode()
+    lines = list(read_lines(io.BytesIO(data), "f"))
+    assert [line.number for line in lines] == [1, 3, 4, 5]
+    assert isinstance(lines[2].question, InputError)
+    for line in (lines[0], lines[1], lines[3]):
+        assert question_at(io.BytesIO(data), line.offset, "f") == line.question
+    with pytest.raises(InputError, match="f byte 5"):
+        question_at(io.BytesIO(data), 5, "f")
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["[" * 100_000, "9" * 5_000, '{"question_id": "\\ud800", "scene": "s", "task": "eqa", "question": "q"}'],
+    ids=["deep", "long number", "half a pair"],
+)
+def test_hostile_line_is_an_input_error(line: str) -> None:
+    (found,) = read_lines(io.BytesIO(line.encode()), "f")
+    assert isinstance(found.question, InputError)

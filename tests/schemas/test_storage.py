@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import shutil
+import threading
 from pathlib import Path
 
 import pyarrow.fs
 import pytest
 
-from schemas import storage
-from schemas.errors import InputError, RetryError
+from schemas import object_store, storage
+from schemas.errors import InputError, RetryError, StopError
 
 FAKE = "fake://bucket"
 
@@ -24,7 +27,7 @@ def remote(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> pyarrow.fs.SubTre
         assert str(uri).startswith("fake://"), f"{uri} went to the remote store"
         return store, storage.unquote(str(uri).removeprefix("fake://"))
 
-    monkeypatch.setattr(storage, "filesystem", lookup)
+    monkeypatch.setattr(object_store, "filesystem", lookup)
     return store
 
 
@@ -134,9 +137,9 @@ def test_name_of_is_the_last_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     ],
 )
 def test_filesystem_gives_the_path_within_the_store_and_is_made_once(uri: str, inner: str) -> None:
-    store, path = storage.filesystem(uri)
+    store, path = object_store.filesystem(uri)
     assert path.rstrip("/") == inner
-    assert storage.filesystem(uri)[0] is store
+    assert object_store.filesystem(uri)[0] is store
 
 
 def test_a_store_of_pyarrow_itself_holds_what_was_written() -> None:
@@ -169,7 +172,8 @@ def test_remote_failure_is_a_retry_error(monkeypatch: pytest.MonkeyPatch) -> Non
         def open_input_stream(self, path: str) -> None:
             raise OSError("AWS Error NETWORK_CONNECTION during GetObject")
 
-    monkeypatch.setattr(storage, "filesystem", lambda uri: (Broken(), "x"))
+    monkeypatch.setattr(object_store, "filesystem", lambda uri: (Broken(), "x"))
+    monkeypatch.setattr(object_store, "WAITS_S", (0.01,))
     with pytest.raises(RetryError, match="NETWORK_CONNECTION"):
         storage.read_bytes("s3://b/x")
 
@@ -182,29 +186,64 @@ def test_failed_local_write_keeps_the_old_content(tmp_path: Path, monkeypatch: p
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(InputError, match="No space left"):
+    with pytest.raises(StopError, match="No space left"):
         storage.write_bytes_atomic(str(target), b"new")
     assert target.read_bytes() == b"old"
     assert [path.name for path in tmp_path.iterdir()] == ["x"]
 
 
-def test_object_stores_are_written_without_a_rename(monkeypatch: pytest.MonkeyPatch) -> None:
-    store = pyarrow.fs._MockFileSystem()
-    store.create_dir("bucket")
-    opened = []
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO])
+def test_disk_that_takes_no_more_stops_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: int) -> None:
+    def full(fd: int) -> None:
+        raise OSError(code, os.strerror(code))
 
-    class AtomicStore:
-        type_name = "s3"
+    monkeypatch.setattr(os, "fsync", full)
+    for write in (storage.write_bytes_atomic, storage.create_bytes):
+        with pytest.raises(StopError, match="make room, then resume"):
+            write(str(tmp_path / "x"), b"new")
+    assert list(tmp_path.iterdir()) == []
 
-        def open_output_stream(self, path: str) -> pyarrow.NativeFile:
-            opened.append(path)
-            return store.open_output_stream(path)
 
-    monkeypatch.setattr(storage, "filesystem", lambda uri: (AtomicStore(), "bucket/x"))
-    storage.write_bytes_atomic("s3://bucket/x", b"data")
-    assert opened == ["bucket/x"]
-    with store.open_input_stream("bucket/x") as stream:
-        assert stream.read() == b"data"
+class TestCreate:
+    def test_first_content_stays(self, tmp_path: Path) -> None:
+        target = str(tmp_path / "deep" / "x")
+        assert storage.create_bytes(target, b"first")
+        assert not storage.create_bytes(target, b"second")
+        assert storage.create_bytes(target, b"first"), "the very same content counts as ours"
+        assert storage.read_bytes(target) == b"first"
+        assert [path.name for path in (tmp_path / "deep").iterdir()] == ["x"]
+
+    def test_of_many_creators_at_once_one_wins(self, tmp_path: Path) -> None:
+        target, won = str(tmp_path / "x"), list[int]()
+
+        def create(number: int) -> None:
+            if storage.create_bytes(target, str(number).encode()):
+                won.append(number)
+
+        threads = [threading.Thread(target=create, args=(number,)) for number in range(16)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert len(won) == 1
+        assert storage.read_bytes(target) == str(won[0]).encode()
+
+    def test_file_system_without_hard_links_is_refused(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        def no_links(path: object, target: object) -> None:
+            raise OSError(errno.EPERM, "Operation not permitted")
+
+        monkeypatch.setattr(os, "link", no_links)
+        with pytest.raises(InputError, match="expected a file system with hard links"):
+            storage.create_bytes(str(tmp_path / "x"), b"1")
+        assert list(tmp_path.iterdir()) == []
+
+
+def test_folder_that_was_removed_meanwhile_is_made_again(tmp_path: Path) -> None:
+    target = tmp_path / "a" / "b" / "x"
+    storage.write_bytes_atomic(str(target), b"1")
+    shutil.rmtree(tmp_path / "a")
+    storage.write_bytes_atomic(str(target), b"2")
+    assert target.read_bytes() == b"2"
 
 
 def test_reading_a_local_file_imports_no_pyarrow(tmp_path: Path) -> None:

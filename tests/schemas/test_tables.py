@@ -71,7 +71,8 @@ def test_value_that_a_column_does_not_hold_is_refused_by_name(changes: dict[str,
 
 def test_table_of_another_name_version_or_column_is_refused() -> None:
     newer = dataclasses.replace(ANSWERS, version=ANSWERS.version + 1)
-    with pytest.raises(InputError, match=f"part: version: expected {ANSWERS.version}, found {newer.version}"):
+    expected = f"part: version: expected 1 to {ANSWERS.version}, found {newer.version} .written by a newer"
+    with pytest.raises(InputError, match=expected):
         ANSWERS.check(newer.arrow_schema(), "part")
     with pytest.raises(InputError, match="part: table: expected answers, found arms"):
         ANSWERS.check(ARMS.arrow_schema(), "part")
