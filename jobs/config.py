@@ -37,11 +37,29 @@ class WorkersConfig(BaseModel):
         2, ge=1, le=256, description="processes that ask the models; the symbolic model computes in them"
     )
     questions_in_flight: int | None = Field(
-        None, ge=1, le=4096, description="questions begun and not ended; null takes four for each CPU slot"
+        None, ge=1, le=4096, description="questions begun and not ended; null takes four batches for each CPU slot"
+    )
+    batch: int | None = Field(
+        None,
+        ge=1,
+        le=1000,
+        description="questions of a unit that travel together; null adapts it to half a second of work",
+    )
+    memory_mb: int | None = Field(
+        None,
+        ge=1,
+        description="megabytes that questions in flight may hold between their steps, candidate views above all; null "
+        "takes a quarter of Ray's object store",
     )
     chunk: int = Field(25, ge=1, le=10_000, description="questions a unit of work; a unit is committed as a whole")
     timeout_s: float = Field(1800.0, gt=0, description="seconds one try of a question may take, waiting included")
     retries: int = Field(2, ge=0, le=20, description="further tries of a question after an error that may pass")
+    oom_tries: int = Field(
+        2,
+        ge=1,
+        le=20,
+        description="tries after which a question fails, each having ended its worker since memory ran out",
+    )
 
 
 class JobConfig(BaseModel):

@@ -1,8 +1,9 @@
-"""The driver: pending units to a runner, outcomes into committed parts. All writing to a run's tables happens here."""
+"""The driver: pending units to a runner, and outcomes on to be committed (`commits.py`)."""
 
 from __future__ import annotations
 
 import os
+import socket
 import uuid
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -10,21 +11,28 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from jobs.commits import Commits
 from jobs.config import JobConfig, WorkersConfig
 from jobs.events import EventLog
+from jobs.lock import RunLock
 from jobs.progress import Progress
 from jobs.signals import Stopping
-from schemas.manifest import commit_unit, committed_units, damage
+from jobs.spend import CallTotals
+from schemas.manifest import committed_units, damaged_units, discard_unit
+from schemas.plan_columns import unit_sizes
 from schemas.run_folder import RunFolder
-from schemas.tables import TABLES
-from workers.dispatch import Backend, Limits, Outcome, dispatch
-from workers.steps import Steps, Tables, Work
+from workers.dispatch import Backend, Limits, dispatch
+from workers.pace import MOST_TOGETHER
+from workers.steps import Steps, Work
 
 JOURNALS = "journals"
 """Folder, beside stored replies, of what the calls of each run cost."""
 
-QUESTIONS_PER_CPU = 4
-"""Questions in flight a CPU slot: each spends most of its time waiting for a model or another step."""
+BATCHES_PER_CPU = 4
+"""Batches in flight a CPU slot: each spends most of its time waiting for a model or another step."""
+
+STORE_SHARE = 4
+"""Part of Ray's object store that questions in flight may hold: scenes lie there as well."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,18 +61,27 @@ def drive(
     events: EventLog,
     progress: Progress,
     stopping: Stopping,
+    lock: RunLock,
 ) -> Driven:
-    """Do the units of a run that are not committed; the caller holds the run's lock.
+    """Do the units of a run that are not committed.
+
+    Args:
+        run: The run.
+        config: Its job.
+        steps: The method.
+        events: Its diary.
+        progress: Who is told how it goes.
+        stopping: Whether someone asked it to stop.
+        lock: The run's lock, held by the caller; looked at before every commit.
 
     Raises:
-        StopError: No further question can succeed; what was complete is committed.
+        StopError: No further question can succeed, or another driver has taken the run; what was complete is committed.
     """
-    done = _sound_units(run, events, progress)
-    planned = before = 0
-    for unit in run.units():
-        planned += len(unit.questions)
-        before += len(unit.questions) if unit.id in done else 0
-    events.note("started", questions=planned, done=before, workers=config.workers.model_dump(mode="json"))
+    done, sizes = _sound_units(run, events, progress, lock), unit_sizes(run.root)
+    planned = sum(sizes.values())
+    before = sum(size for unit, size in sizes.items() if unit in done)
+    driver = {"pid": os.getpid(), "host": socket.gethostname(), "session": lock.epoch}
+    events.note("started", questions=planned, done=before, workers=config.workers.model_dump(mode="json"), **driver)
     progress.begin(planned, before)
     committed, failed = before, 0
     if before < planned:
@@ -86,85 +103,75 @@ def drive(
                 progress.say(f"rendered again, since a part is damaged: {details['message']}")
 
         pending = (unit for unit in run.units() if unit.id not in done)
-        gathering: dict[str, list[Tables | None]] = {}
-        with _backend(work, steps, config.workers, note) as (backend, limits):
+        commits = Commits(run, sizes, lock, events)
+        with _backend(work, steps, config.workers, note) as (backend, limits, still_there):
+
+            def should_stop() -> bool:
+                if lock.lost:
+                    lock.check()
+                still_there()
+                return stopping()
+
             stopping.catch()
-            for outcome in dispatch(pending, backend, limits, should_stop=stopping, note=note):
+            for outcome in dispatch(pending, backend, limits, should_stop=should_stop, note=note):
                 failed += bool(outcome.error)
+                progress.spent(CallTotals.of(outcome.tables.get("calls", ())))
                 progress.advance(outcome.error)
-                unit = outcome.unit
-                gathered = gathering.setdefault(unit.id, [None] * len(unit.questions))
-                gathered[outcome.position] = _checked(outcome)
-                if None not in gathered:
-                    rows = _merged(gathering.pop(unit.id))
-                    commit_unit(run.root, unit.id, rows)
-                    committed += len(unit.questions)
-                    events.note("committed", unit=unit.id, scene=unit.scene, questions=len(unit.questions))
+                committed += commits.add(outcome)
     stopped = stopping() and committed < planned
     events.note("stopped" if stopped else "ended", done=committed, failed=failed)
     return Driven(planned, committed, failed, stopped)
 
 
-def _sound_units(run: RunFolder, events: EventLog, progress: Progress) -> set[str]:
-    """Return the committed units whose parts are all as their manifests say; the others are done again."""
-    sound = set()
-    for unit in committed_units(run.root):
-        wrong = damage(run.root, unit)
-        if wrong:
-            events.note("damaged", unit=unit, message=wrong)
-            progress.say(f"done again, since a part is damaged: {wrong}")
-        else:
-            sound.add(unit)
-    return sound
-
-
-def _checked(outcome: Outcome) -> Tables:
-    """Return the outcome's tables, sure to hold exactly one answer, to the question that was asked."""
-    asked = outcome.unit.questions[outcome.position].question_id
-    answers = outcome.tables.get("answers", ())
-    assert [row.question_id for row in answers] == [asked], f"question {asked} must have one row in answers"
-    return outcome.tables
-
-
-def _merged(gathered: list[Tables | None]) -> dict[str, list[Any]]:
-    """Return a unit's records by table, questions in plan order."""
-    merged: dict[str, list[Any]] = {name: [] for name in TABLES}
-    for tables in gathered:
-        assert tables is not None
-        for name, records in tables.items():
-            merged[name].extend(records)
-    return merged
+def _sound_units(run: RunFolder, events: EventLog, progress: Progress, lock: RunLock) -> set[str]:
+    """Return the committed units, after taking back those whose parts are not as their manifests say."""
+    for found in damaged_units(run.root):
+        lock.check()
+        discard_unit(run.root, found.unit, epoch=lock.epoch, reason=found.message, generation=found.generation)
+        events.note("damaged", unit=found.unit, message=found.message)
+        progress.say(f"done again, since a part is damaged: {found.message}")
+    return set(committed_units(run.root))
 
 
 @contextmanager
 def _backend(
     work: Work, steps: Steps, config: WorkersConfig, note: Callable[..., None]
-) -> Iterator[tuple[Backend[Any], Limits]]:
-    """Give the backend that a config asks for, and its bounds."""
+) -> Iterator[tuple[Backend[Any], Limits, Callable[[], None]]]:
+    """Give the backend that a config asks for, its bounds, and what raises a StopError once it is gone for good."""
     cpus = config.cpus or len(os.sched_getaffinity(0))
     if config.in_process:
         from workers.in_process import InProcess
 
         local = InProcess(work, steps, note)
         try:
-            yield local, _limits(config, 1)
+            yield local, _limits(config, 1), lambda: None
         finally:
             local.close()
         return
     from workers.ray_session import ray_session
 
-    with ray_session(cpus=cpus, address=config.address) as slots:
-        from workers.ray_backend import OnRay
+    with ray_session(cpus=cpus, address=config.address) as cluster:
+        from workers.ray_backend import OnRay, store_bytes
 
-        limits = _limits(config, slots)
-        actors = config.model_actors
-        spread = OnRay(work, steps, model_actors=actors, in_flight=limits.in_flight, slots=slots, note=note)
+        limits = _limits(config, cluster.slots, store_bytes() // STORE_SHARE)
+        batches = limits.batches or limits.in_flight
+        spread = OnRay(work, steps, model_actors=config.model_actors, in_flight=batches, slots=cluster.slots, note=note)
         try:
-            yield spread, limits
+            yield spread, limits, cluster.head.check
         finally:
             spread.close()
 
 
-def _limits(config: WorkersConfig, slots: int) -> Limits:
-    in_flight = config.questions_in_flight or QUESTIONS_PER_CPU * slots
-    return Limits(in_flight, config.timeout_s, config.retries)
+def _limits(config: WorkersConfig, slots: int, memory: int | None = None) -> Limits:
+    batches = BATCHES_PER_CPU * slots
+    asked = config.questions_in_flight
+    return Limits(
+        asked or batches * MOST_TOGETHER,
+        config.timeout_s,
+        config.retries,
+        config.oom_tries,
+        batch=config.batch,
+        batches=None if asked else batches,
+        slots=slots,
+        memory=memory if config.memory_mb is None else config.memory_mb * 1_000_000,
+    )

@@ -5,13 +5,17 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from itertools import chain, zip_longest
 from pathlib import Path
 from typing import Any
 
 from jobs.config import JobConfig, checked_job
 from jobs.dataset import scene_sha256
+from jobs.difference import differences, told, unit_differences
 from jobs.drive import Driven, drive
 from jobs.events import EventLog
 from jobs.lock import RunLock
@@ -24,13 +28,16 @@ from pipeline.models.gate import BudgetError
 from schemas import storage
 from schemas.errors import InputError, StopError
 from schemas.manifest import committed_units
-from schemas.plan import PLAN_FILE, encode_plan
+from schemas.plan import PLAN_FILE, PlannedUnit, WrittenPlan, write_plan
 from schemas.run_folder import RunFolder
 from workers.method_steps import METHOD_STEPS
 from workers.steps import Steps
 
 FORMAT = 1
 """Version of run.json's layout."""
+
+DATA = ("scenes", "questions", "tasks", "limit", "other_scenes")
+"""Fields of a job that say what is asked."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,16 +70,11 @@ def submit(
             has run by then.
         StopError: Another driver is at work, or no further question can succeed.
     """
-    units = plan_units(config, subject)
+    progress = progress or Silent()
+    units = plan_units(config, subject, progress.say)
     folder = RunFolder(config.output)
     if folder.exists():
-        planned = [unit.id for unit in folder.units()]
-        if planned != [unit.id for unit in units]:
-            raise InputError(
-                config.output,
-                expected="an empty folder or a run of this very job",
-                found=f"a run of {len(planned)} other units: name another output, or remove it",
-            )
+        _refuse_other_job(folder, config, units)
         return resume(
             config.output,
             steps=steps,
@@ -81,11 +83,23 @@ def submit(
             budget=config.budget.model_dump(mode="json"),
             cache=config.cache,
         )
-    with RunLock(folder.root):
-        plan = encode_plan(units)
-        storage.write_bytes_atomic(folder.uri(PLAN_FILE), plan)
-        folder.write_run(_run_content(config, plan, len(units)))
-        return _work(folder, config, steps, progress or Silent())
+    with _disk_errors(folder.root), RunLock(folder.root, progress.say) as lock:
+        if folder.exists():
+            raise StopError(f"{folder.root}: another driver planned this run at the same moment; try again")
+        plan = write_plan(folder.uri(PLAN_FILE), units)
+        folder.write_run(_run_content(config, plan))
+        return _work(folder, config, steps, progress, lock)
+
+
+def in_another_folder(config: JobConfig, output: str) -> JobConfig:
+    """Return a job whose run lies elsewhere, its stored replies and visibility index where they were.
+
+    So a changed job pays for no call that the first one made already.
+    """
+    kept = {"calls": config.calls_folder(), "visibility": config.visibility_folder()}
+    place = storage.local_path(output)
+    there = output if place is None else str(place.expanduser().absolute())
+    return checked_job({**config.model_dump(mode="json"), **kept, "output": there}, "--output")
 
 
 def resume(
@@ -117,15 +131,16 @@ def resume(
     changes = {"workers": workers or {}, "budget": budget or {}}
     config = _stored_config(folder, found, changes, cache)
     _refuse_changes(folder, config, found)
-    with RunLock(folder.root):
-        return _work(folder, config, steps, progress or Silent())
+    progress = progress or Silent()
+    with _disk_errors(folder.root), RunLock(folder.root, progress.say) as lock:
+        return _work(folder, config, steps, progress, lock)
 
 
-def _work(folder: RunFolder, config: JobConfig, steps: Steps, progress: Progress) -> RunResult:
+def _work(folder: RunFolder, config: JobConfig, steps: Steps, progress: Progress, lock: RunLock) -> RunResult:
     events = EventLog(folder.root)
     try:
         with Stopping(lambda: progress.say("stopping: waiting for the questions in flight")) as stopping:
-            driven = drive(folder, config, steps, events, progress, stopping)
+            driven = drive(folder, config, steps, events, progress, stopping, lock)
     except BudgetError as error:
         raise StopError(f"{error}: splatreasoner resume {folder.root}") from None
     else:
@@ -137,7 +152,17 @@ def _work(folder: RunFolder, config: JobConfig, steps: Steps, progress: Progress
     return RunResult(folder.root, driven)
 
 
-def _run_content(config: JobConfig, plan: bytes, units: int) -> dict[str, Any]:
+@contextmanager
+def _disk_errors(run: str) -> Iterator[None]:
+    """Say what a disk refused, whoever wrote: no question is at fault, and what is committed stays."""
+    try:
+        yield
+    except OSError as error:
+        # pyarrow puts all it knows into one text.
+        raise StopError(f"{error.filename or run}: {error.strerror or error}: mend that, then resume") from error
+
+
+def _run_content(config: JobConfig, plan: WrittenPlan) -> dict[str, Any]:
     return {
         "format": FORMAT,
         "id": uuid.uuid4().hex,
@@ -147,7 +172,7 @@ def _run_content(config: JobConfig, plan: bytes, units: int) -> dict[str, Any]:
         "basis": dataclasses.asdict(basis_of(config)),
         "versions": package_versions(),
         "commit": source_commit(),
-        "plan": {"sha256": hashlib.sha256(plan).hexdigest(), "units": units},
+        "plan": {"sha256": plan.sha256, "units": plan.units},
     }
 
 
@@ -171,19 +196,13 @@ def _stored_config(
 
 def _refuse_changes(folder: RunFolder, config: JobConfig, found: dict[str, Any]) -> None:
     """Refuse to mix answers of different scenes, prompts, models or code in one run."""
-    plan = storage.read_bytes(folder.uri(PLAN_FILE))
-    planned, digest = found["plan"].get("sha256"), hashlib.sha256(plan).hexdigest()
+    with storage.local_copy(folder.uri(PLAN_FILE)) as path, path.open("rb") as plan:
+        planned, digest = found["plan"].get("sha256"), hashlib.file_digest(plan, "sha256").hexdigest()
     if digest != planned:
         raise InputError(folder.uri(PLAN_FILE), field="sha256", expected=f"{planned}, as run.json says", found=digest)
-    now = dataclasses.asdict(basis_of(config))
-    for field, value in now.items():
-        if value != found["basis"].get(field):
-            raise InputError(
-                folder.root,
-                field=field,
-                expected="what the run was planned with",
-                found=_difference(found["basis"].get(field), value),
-            )
+    changes = told(differences(found["basis"], _plain_basis(config)))
+    if changes:
+        raise _refused(folder, "the prompts, models and code the run was planned with", changes)
     done, scenes = set(committed_units(folder.root)), dict[str, str]()
     for unit in folder.units():
         if unit.id not in done:
@@ -193,11 +212,35 @@ def _refuse_changes(folder: RunFolder, config: JobConfig, found: dict[str, Any])
             raise InputError(uri, expected="the scene as the run was planned with", found="files that have changed")
 
 
-def _difference(before: Any, now: Any) -> str:
-    """Say in few words what differs between two pieces of plain data."""
-    if isinstance(before, dict) and isinstance(now, dict):
-        changed = [key for key in sorted({*before, *now}) if before.get(key) != now.get(key)]
-        return "another value of " + ", ".join(
-            f"{key} ({_difference(before.get(key), now.get(key))})" for key in changed[:3]
+def _refuse_other_job(folder: RunFolder, config: JobConfig, units: Iterator[PlannedUnit]) -> None:
+    """Refuse to plan a job into the folder of another one."""
+    if all(old is not None and new is not None and old.id == new.id for old, new in zip_longest(folder.units(), units)):
+        return
+    found = folder.read_run()
+    changes = told(
+        chain(
+            differences(_asked(found.get("config") or {}), _asked(config.model_dump(mode="json"))),
+            differences(found.get("basis"), _plain_basis(config)),
+            unit_differences(folder.units(), plan_units(config)),
         )
-    return f"{before!r} then, {now!r} now"
+    )
+    raise _refused(folder, "an empty folder or a run of this very job", changes)
+
+
+def _refused(folder: RunFolder, expected: str, changes: list[str]) -> InputError:
+    """Return the error that names every change, and what can be done."""
+    error = InputError(folder.root, expected=expected, found="one that differs in:")
+    for change in changes:
+        error.add_note(f"  {change}")
+    error.add_note("either undo that, or run the job as it is now into another folder; stored replies are used again:")
+    error.add_note("  splatreasoner submit JOB.yaml --output ANOTHER_FOLDER")
+    return error
+
+
+def _asked(job: dict[str, Any]) -> dict[str, Any]:
+    """Return the fields of a job, as plain data, that say what is asked."""
+    return {**{field: job.get(field) for field in DATA}, "workers": {"chunk": job.get("workers", {}).get("chunk")}}
+
+
+def _plain_basis(config: JobConfig) -> dict[str, Any]:
+    return dataclasses.asdict(basis_of(config))

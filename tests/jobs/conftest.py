@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,12 @@ import pytest
 from jobs.config import JobConfig
 from schemas.question_file import save_questions
 from tests.workers.fake_steps import MARKS, unit
+
+CAMERAS: dict[str, Any] = {
+    **{"w": 4, "h": 3, "fl_x": 4.0, "fl_y": 4.0, "cx": 2.0, "cy": 1.5},
+    "frames": [{"file_path": "1.png", "transform_matrix": [[float(i == j) for j in range(4)] for i in range(4)]}],
+}
+"""A transforms.json with one view."""
 
 MakeJob = Callable[..., JobConfig]
 
@@ -23,6 +30,7 @@ def make_scene(tmp_path: Path) -> Callable[..., Path]:
         folder = tmp_path / "scenes" / name
         folder.mkdir(parents=True)
         (folder / "gaussians.ply").write_bytes(f"splats of {name}".encode())
+        (folder / "transforms.json").write_text(json.dumps(CAMERAS))
         save_questions(unit(0, texts, name).questions, folder / "questions.jsonl")
         return folder
 

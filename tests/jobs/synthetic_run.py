@@ -122,6 +122,7 @@ def _add_question(found: dict[str, list[Any]], number: int, rng: np.random.Gener
                 targets=None if task == "eqa" else targets,
                 iou=float(iou) if scored and iou is not None else None,
                 region_gaussians=None if task == "eqa" else 1234,
+                pair_ious=(float(iou),) * min(1, targets) if task == "ground_many" and status == "answered" else None,
             )
         )
     found["answers"].append(

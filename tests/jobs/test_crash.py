@@ -4,44 +4,42 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
-from jobs.lock import LOCK_FILE
+from jobs import lock
+from jobs.lock import driver_alive
 from jobs.results import RESULTS
 from jobs.status import run_status
 from jobs.submit import resume, submit
 from schemas.errors import StopError
-from schemas.manifest import committed_units
-from tests.conftest import ROOT
+from schemas.manifest import committed_units, damaged_units
+from schemas.run_folder import read_table
 from tests.jobs.conftest import MakeJob
+from tests.jobs.faults import (
+    HEAD,
+    driver,
+    ended,
+    grow_disk,
+    job_file,
+    kill_process,
+    paused,
+    result_bytes,
+    small_disk,
+    wait_for_commits,
+)
 from tests.workers.fake_steps import STEPS
 
 TEXTS = ["slow a", "slow no evidence", "slow b", "slow cc", "slow bug"] * 3
-WAIT_S = 60.0
 
 
-def result_bytes(run: str) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in sorted(Path(run, RESULTS).iterdir())}
-
-
-def start_driver(verb: str, argument: Path) -> subprocess.Popen[bytes]:
-    command = [sys.executable, "-m", "tests.jobs.run_fake", verb, str(argument)]
-    return subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
-
-
-def wait_for_commits(run: str, count: int, driver: subprocess.Popen[bytes]) -> None:
-    deadline = time.monotonic() + WAIT_S
-    while len(committed_units(run)) < count:
-        if driver.poll() is not None or time.monotonic() > deadline:
-            _, errors = driver.communicate()
-            pytest.fail(f"no {count} commits: {errors.decode()}")
-        time.sleep(0.01)
+def committed(run: str) -> dict[Path, bytes]:
+    """What a reader of the run starts from."""
+    return {path: path.read_bytes() for path in Path(run, "manifests").iterdir()}
 
 
 @pytest.mark.parametrize("in_process", [True, False], ids=["in process", "on Ray"])
@@ -52,24 +50,19 @@ def test_killed_driver_resumes_to_the_same_bytes(
     make_scene("b", TEXTS)
     whole = submit(make_job("whole"), steps=STEPS)
     job = make_job("killed", workers={"in_process": in_process})
-    file = tmp_path / "job.json"
-    file.write_text(job.model_dump_json())
-    driver = start_driver("submit", file)
-    wait_for_commits(job.output, 3, driver)
-    driver.send_signal(signal.SIGKILL)
-    driver.communicate()
+    with driver("submit", job_file(job, tmp_path)) as process:
+        wait_for_commits(job.output, 3, process)
+        process.send_signal(signal.SIGKILL)
     before = run_status(job.output)
     assert 0 < before.units_done < before.units == 10
-    assert not before.running
+    assert not driver_alive(job.output)
     assert not Path(job.output, RESULTS).exists()
-    assert (Path(job.output) / LOCK_FILE).exists(), "a killed driver leaves its lock"
 
-    ended = resume(job.output, steps=STEPS, workers={"in_process": True})
-    assert ended.driven.complete
+    again = resume(job.output, steps=STEPS, workers={"in_process": True})
+    assert again.driven.complete
     assert result_bytes(job.output) == result_bytes(whole.run)
-    assert not (Path(job.output) / LOCK_FILE).exists()
     # What was committed before the kill was not done again.
-    assert ended.driven.failed < run_status(job.output).statuses["failed"] == 12
+    assert again.driven.failed < run_status(job.output).statuses["failed"] == 12
 
 
 @pytest.mark.parametrize(
@@ -82,14 +75,12 @@ def test_signal_commits_what_is_done_and_exits_130(
 ) -> None:
     make_scene("a", TEXTS * 4)
     job = make_job(workers={"in_process": in_process})
-    file = tmp_path / "job.json"
-    file.write_text(job.model_dump_json())
-    driver = start_driver("submit", file)
-    wait_for_commits(job.output, 2, driver)
-    driver.send_signal(number)
-    _, errors = driver.communicate(timeout=WAIT_S)
-    assert driver.returncode == 130, errors.decode()
-    assert b"stopping" in errors
+    with driver("submit", job_file(job, tmp_path)) as process:
+        wait_for_commits(job.output, 2, process)
+        process.send_signal(number)
+        code, said = ended(process)
+    assert code == 130, said
+    assert "stopping" in said
     assert not run_status(job.output).complete
     assert resume(job.output, steps=STEPS, workers={"in_process": True}).driven.complete
 
@@ -99,14 +90,79 @@ def test_second_driver_is_refused_while_the_first_works(
 ) -> None:
     make_scene("a", TEXTS)
     job = make_job()
-    file = tmp_path / "job.json"
-    file.write_text(job.model_dump_json())
-    driver = start_driver("submit", file)
-    try:
-        wait_for_commits(job.output, 1, driver)
+    with driver("submit", job_file(job, tmp_path)) as process:
+        wait_for_commits(job.output, 1, process)
         assert run_status(job.output).running
-        with pytest.raises(StopError, match=f"another driver is at work on this run .process {driver.pid} on "):
+        with pytest.raises(StopError, match=f"another driver is at work on this run .process {process.pid} on "):
             resume(job.output, steps=STEPS)
-    finally:
-        os.kill(driver.pid, signal.SIGKILL)
-        driver.communicate()
+
+
+def test_driver_that_slept_while_another_finished_its_run_is_fenced_out(
+    make_scene: Callable[..., Path], make_job: MakeJob, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make_scene("a", TEXTS)
+    whole = submit(make_job("whole"), steps=STEPS)
+    job = make_job("shared")
+    monkeypatch.setattr(lock, "ABANDONED_S", 0.5)
+    with driver("submit", job_file(job, tmp_path)) as process:
+        wait_for_commits(job.output, 2, process)
+        with paused(process.pid):
+            before = len(committed_units(job.output))
+            assert before < 5
+            assert resume(job.output, steps=STEPS).driven.complete
+            found = committed(job.output)
+        code, said = ended(process)
+    assert code == 1, said
+    assert "took this run over" in said
+    assert "Traceback" not in said
+    assert result_bytes(job.output) == result_bytes(whole.run)
+    assert read_table(job.output, "answers")["question_id"].is_unique
+    assert committed(job.output) == found, "the stale driver wrote nothing that counts"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "stuck"])
+def test_driver_whose_ray_loses_its_head_ends_in_time_and_can_be_resumed(
+    make_scene: Callable[..., Path], make_job: MakeJob, tmp_path: Path, number: signal.Signals
+) -> None:
+    make_scene("a", TEXTS * 10)
+    job = make_job("headless", workers={"in_process": False})
+    with driver("submit", job_file(job, tmp_path)) as process:
+        wait_for_commits(job.output, 2, process)
+        head = kill_process(process.pid, HEAD, number)
+        before = time.monotonic()
+        code, said = ended(process)
+        took_s = time.monotonic() - before
+        with suppress(ProcessLookupError):
+            os.kill(head, signal.SIGKILL)
+    print(f"ended {took_s:.0f} s after its head was lost")
+    assert code == 1, said
+    assert took_s < 90
+    assert "the head of the local Ray has not answered for" in said
+    assert "Traceback" not in said
+    assert "Failed to connect" not in said, "Ray's own words"
+    assert not run_status(job.output).complete
+    assert resume(job.output, steps=STEPS, workers={"in_process": True}).driven.complete
+
+
+@pytest.mark.parametrize(
+    "in_process", [True, pytest.param(False, marks=pytest.mark.slow)], ids=["in process", "on Ray"]
+)
+def test_full_disk_stops_the_run_and_costs_nothing_that_was_committed(
+    make_scene: Callable[..., Path], make_job: MakeJob, tmp_path: Path, in_process: bool
+) -> None:
+    make_scene("a", [text.removeprefix("slow ") for text in TEXTS * 8])
+    whole = submit(make_job("whole"), steps=STEPS)
+    with small_disk(tmp_path / "disk", 700) as disk:
+        job = make_job("disk/run", workers={"in_process": in_process})
+        with driver("submit", job_file(job, tmp_path)) as process:
+            code, said = ended(process)
+        assert code == 1, said
+        assert "No space left on device" in said
+        assert "resume" in said
+        assert "Traceback" not in said
+        assert 0 < len(committed_units(job.output)) < 40
+        assert not list(damaged_units(job.output))
+        grow_disk(disk, 100_000)
+        assert resume(job.output, steps=STEPS, workers={"in_process": True}).driven.complete
+        assert result_bytes(job.output) == result_bytes(whole.run)

@@ -1,18 +1,21 @@
 from __future__ import annotations
 
+import copy
 import dataclasses
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, get_args
 
 import pytest
 
+import jobs.dataset
 import jobs.plan
 from jobs.plan import basis_of, plan_units
 from pipeline.models.messages import Stage
 from schemas.errors import InputError
 from schemas.question_file import save_questions
-from tests.jobs.conftest import MakeJob
+from tests.jobs.conftest import CAMERAS, MakeJob
 from tests.workers.fake_steps import unit
 
 MakeScene = Callable[..., Path]
@@ -25,7 +28,7 @@ def ids(job: Any) -> list[str]:
 def test_units_cut_each_scene_into_chunks_in_order(make_scene: MakeScene, make_job: MakeJob) -> None:
     make_scene("b", ["q"] * 4)
     make_scene("a", ["q"] * 7)
-    units = plan_units(make_job())
+    units = list(plan_units(make_job()))
     assert [(u.index, u.scene, len(u.questions)) for u in units] == [
         (0, "a", 3),
         (1, "a", 3),
@@ -98,6 +101,7 @@ def test_tasks_and_limit_keep_the_first_of_each_scene(make_scene: MakeScene, mak
     ("scenes", "message"),
     [
         ("scenes/none*", "scenes: expected a pattern that matches folders"),
+        ("scenes/[m]issing", "scenes: expected a pattern that matches folders"),
         ("scenes/missing", "scenes: expected a scene folder, found nothing at "),
         (["scenes/a", "scenes/a"], "scenes: expected each scene once"),
         (["scenes/a", "scenes/../scenes/a"], "scenes: expected each scene once"),
@@ -142,5 +146,130 @@ def test_question_about_a_scene_that_is_not_listed_is_refused_or_skipped(
 
 def test_scene_without_a_question_file_is_refused(make_scene: MakeScene, make_job: MakeJob) -> None:
     (make_scene("a", ["q"]) / "questions.jsonl").unlink()
-    with pytest.raises(InputError, match=r"questions.jsonl: expected a file that can be read, found nothing there"):
+    with pytest.raises(InputError, match=r"questions.jsonl: expected a file, found nothing there"):
         plan_units(make_job())
+
+
+def problems_of(job: Any) -> list[str]:
+    """All that planning says about a wrong job, one problem an entry."""
+    with pytest.raises(InputError) as caught:
+        plan_units(job)
+    return [str(caught.value), *getattr(caught.value, "__notes__", ())]
+
+
+def line(**fields: Any) -> str:
+    return json.dumps({"question_id": "x", "scene": "a", "task": "eqa", "question": "q", **fields}) + "\n"
+
+
+def test_every_problem_of_a_question_file_is_told_with_its_line(make_scene: MakeScene, make_job: MakeJob) -> None:
+    file = make_scene("a", ["q"]) / "questions.jsonl"
+    lines = [
+        line(question_id="1"),
+        "not json\n",
+        "\n",
+        line(question_id="2", anwser="yes"),
+        line(question_id="3", task="walk"),
+        line(question_id="4", target_ids=[10**30]),
+        line(question_id="5", question="\ud800"),
+        "[" * 100_000 + "\n",
+        "9" * 5_000 + "\n",
+        line(question_id="1"),
+        line(question_id="6", scene="b"),
+    ]
+    file.write_bytes("".join(lines).encode() + b"\xff\n")
+    found = problems_of(make_job())
+    assert [text.partition(": ")[0].removeprefix(f"{file} line ") for text in found] == [
+        *("2", "4", "5", "6", "7", "8", "9", "11", "12", "10")
+    ]
+    for text, said in zip(
+        found,
+        ["Expecting value", "anwser", "task", "target_ids", "surrogate", "", "", "'b'", "UTF-8", f"{file} line 1"],
+        strict=True,
+    ):
+        assert said in text
+
+
+def test_problems_of_all_scenes_and_files_are_told_at_once(make_scene: MakeScene, make_job: MakeJob) -> None:
+    for name in "abcdefg":
+        make_scene(name, ["q"])
+    scenes = make_scene("h", ["q"]).parent
+    (scenes / "b" / "gaussians.ply").unlink()
+    (scenes / "c" / "scene.json").write_text('{"name": "c", "upp": [0, 0, 1]}')
+    broken = json.loads(json.dumps(CAMERAS).replace("1.0", "NaN"))
+    (scenes / "d" / "transforms.json").write_text(json.dumps(broken))
+    (scenes / "e" / "transforms.json").unlink()
+    (scenes / "f" / "questions.jsonl").write_text("")
+    (scenes / "g" / "questions.jsonl").write_text(line(question_id="a-0", scene="g"))
+    found = problems_of(make_job())
+    wanted = [
+        (scenes / "b", "gaussians: expected one splat file"),
+        (scenes / "c", "upp"),
+        (scenes / "d", "at least one usable view"),
+        (scenes / "e", "cameras"),
+        (scenes / "f" / "questions.jsonl", "at least one question"),
+        (scenes / "g" / "questions.jsonl", "also in"),
+    ]
+    assert len(found) == len(wanted)
+    for text, (place, said) in zip(found, wanted, strict=True):
+        assert str(place) in text
+        assert said in text
+
+
+def test_views_with_an_unusable_pose_are_reported(make_scene: MakeScene, make_job: MakeJob) -> None:
+    cameras = copy.deepcopy(CAMERAS)
+    broken = {"file_path": "2.png", "transform_matrix": [[float("nan")] * 4] * 4}
+    cameras["frames"].append(broken)
+    (make_scene("a", ["q"]) / "transforms.json").write_text(json.dumps(cameras))
+    told: list[str] = []
+    assert len(list(plan_units(make_job(), warn=told.append))) == 1
+    (text,) = told
+    assert "skipped 1 of 2 views with an unusable pose" in text
+
+
+def test_a_thousand_problems_are_counted(make_scene: MakeScene, make_job: MakeJob) -> None:
+    (make_scene("a", ["q"]) / "questions.jsonl").write_text("x\n" * 1_000)
+    found = problems_of(make_job())
+    assert (len(found), found[-1]) == (101, "and 900 more")
+
+
+def test_one_file_for_all_scenes_is_cut_by_scene_in_the_jobs_order(
+    make_scene: MakeScene, make_job: MakeJob, tmp_path: Path
+) -> None:
+    for name in ("b", "a", "c"):
+        make_scene(name, ["q"])
+    file = tmp_path / "all.jsonl"
+    lines = [line(question_id=f"{n}", scene="ba"[n % 2], question=f"où {n}?") for n in range(7)]
+    file.write_text("\ufeff" + "\n".join(lines), encoding="utf-8")
+    units = list(plan_units(make_job(questions=str(file))))
+    assert [(u.scene, [q.question_id for q in u.questions]) for u in units] == [
+        ("a", ["1", "3", "5"]),
+        ("b", ["0", "2", "4"]),
+        ("b", ["6"]),
+    ]
+    assert units[0].questions[1].question == "où 3?"
+
+
+def test_plan_holds_one_scene_at_a_time(
+    make_scene: MakeScene, make_job: MakeJob, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in "abc":
+        make_scene(name, ["q"] * 2)
+    units = plan_units(make_job())
+    hashed: list[str] = []
+    sha256 = jobs.dataset.scene_sha256
+
+    def watched(uri: str) -> str:
+        hashed.append(uri)
+        return sha256(uri)
+
+    monkeypatch.setattr(jobs.dataset, "scene_sha256", watched)
+    next(units)
+    assert [Path(uri).name for uri in hashed] == ["a"]
+
+
+def test_question_file_that_changes_while_it_is_planned_is_refused(make_scene: MakeScene, make_job: MakeJob) -> None:
+    file = make_scene("a", ["q"] * 2) / "questions.jsonl"
+    units = plan_units(make_job())
+    file.write_text("x" + file.read_text())
+    with pytest.raises(InputError, match=r"questions.jsonl byte 0: expected a JSON object"):
+        next(units)

@@ -154,7 +154,7 @@ def test_summarise_keeps_the_order_of_tasks_arms_and_metrics() -> None:
     assert summary["task"].drop_duplicates().tolist() == ["ground_one", "ground_many"]
     assert summary["arm"].drop_duplicates().tolist() == ["initial", "final", "verified", "other"]
     many = summary[(summary["task"] == "ground_many") & (summary["arm"] == "final")]
-    assert many["metric"].tolist() == ["instance_miou", "acc@10", "acc@8", "frames"]
+    assert many["metric"].tolist() == ["instance_miou", "acc@10", "acc@8", "f1@25", "f1@50", "count_error", "frames"]
 
 
 def test_summarise_and_compare_of_nothing_are_empty_with_their_columns() -> None:
@@ -208,3 +208,40 @@ def test_in_order_known_names_come_first() -> None:
         "a",
         "z",
     ]
+
+
+MANY = {"task": "ground_many", "mark": None}
+
+
+def _many(name: str, predicted: int | None, targets: int, ious: tuple[float, ...] | None) -> dict[str, Any]:
+    iou = None if predicted is None else 0.5
+    return {**MANY, "question_id": name, "predicted": predicted, "targets": targets, "iou": iou, "pair_ious": ious}
+
+
+def test_score_rows_many_targets_gives_f1_zero_target_accuracy_and_count_error() -> None:
+    rows = [
+        _many("a", 2, 3, (0.6, 0.25)),
+        _many("b", 0, 0, ()),
+        _many("c", 2, 0, ()),
+        _many("failed", None, 1, None),
+        _many("of version 1", 1, 1, None),
+    ]
+    wide = _scores(*rows).pivot(index="question_id", columns="metric", values="score")
+    assert wide["f1@25"].dropna().to_dict() == {"a": 80.0, "b": 100.0, "c": 0.0}
+    assert wide["f1@50"].dropna().to_dict() == {"a": 40.0, "b": 100.0, "c": 0.0}
+    assert wide["zero_target"].dropna().to_dict() == {"b": 100.0, "c": 0.0}
+    assert wide["count_error"].dropna().to_dict() == {"a": 1, "b": 0, "c": 2, "of version 1": 0}
+
+
+def test_summarise_zero_target_accuracy_counts_only_questions_without_targets() -> None:
+    rows = [_many("a", 2, 3, (0.6, 0.25)), _many("b", 0, 0, ()), _many("c", 2, 0, ())]
+    summary = summarise(_scores(*rows), ["method", "task", "arm"], QUICK)
+    assert (_row(summary, "zero_target")["mean"], _row(summary, "zero_target")["questions"]) == (50, 2)
+    errors = _row(summary, "count_error")
+    assert (errors["mean"], errors["scored"]) == (1.0, 3)
+    assert pd.isna(errors["mean_zero"])
+
+
+def test_compare_leaves_counts_out() -> None:
+    rows = [_many("a", 2, 3, (0.6, 0.25)) | {"arm": arm} for arm in ("initial", "final")]
+    assert set(compare(_scores(*rows), QUICK)["metric"]) == {"instance_miou", "acc@8", "acc@10", "f1@25", "f1@50"}

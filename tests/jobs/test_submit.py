@@ -11,14 +11,21 @@ import pytest
 
 from jobs.config import JobConfig
 from jobs.results import write_results
-from jobs.submit import resume, submit
+from jobs.submit import in_another_folder, resume, submit
 from schemas.errors import InputError, StopError
 from schemas.manifest import committed_units, manifest_uri
+from schemas.question_file import save_questions
 from schemas.run_folder import RunFolder, image_name, read_table
 from tests.jobs.conftest import MakeJob
+from tests.models.counting_server import CountingServer
+from tests.workers import calling_steps
 from tests.workers.fake_steps import POSE, STEPS, Tables, unit
 
 MakeScene = Callable[..., Path]
+
+
+def notes(error: Exception) -> list[str]:
+    return list(error.__notes__)
 
 
 def never(*arguments: Any) -> Any:
@@ -57,8 +64,57 @@ def test_submitting_the_same_job_again_runs_nothing(make_scene: MakeScene, make_
 def test_other_job_in_the_same_folder_is_refused(make_scene: MakeScene, make_job: MakeJob) -> None:
     make_scene("a", ["q", "z"])
     submit(make_job(), steps=STEPS)
-    with pytest.raises(InputError, match="a run of 1 other units"):
-        submit(make_job(limit=1), steps=STEPS)
+    changed = make_job(limit=1, method={"novel_views": {"count": 8}}, tasks=["eqa"], workers={"chunk": 7})
+    with pytest.raises(InputError, match="expected an empty folder or a run of this very job") as refused:
+        submit(changed, steps=STEPS)
+    told = notes(refused.value)
+    assert told[:5] == [
+        "  limit: None then, 1 now",
+        "  tasks: ['eqa', 'ground_one', 'ground_many'] then, ['eqa'] now",
+        "  workers.chunk: 3 then, 7 now",
+        "  method.novel_views.count: 4 then, 8 now",
+        "  unit 0: question a-1 then, nothing now",
+    ]
+    assert told[-1] == "  splatreasoner submit JOB.yaml --output ANOTHER_FOLDER"
+
+
+def test_same_job_over_data_that_changed_is_refused_by_what_changed(make_scene: MakeScene, make_job: MakeJob) -> None:
+    scene = make_scene("a", ["q", "z"])
+    submit(make_job(), steps=STEPS)
+    save_questions(unit(0, ["q", "why"], "a").questions, scene / "questions.jsonl")
+    with pytest.raises(InputError) as refused:
+        submit(make_job(), steps=STEPS)
+    assert notes(refused.value)[0] == "  question a-1.question: 'z' then, 'why' now"
+    (scene / "gaussians.ply").write_bytes(b"other splats")
+    with pytest.raises(InputError) as refused:
+        submit(make_job(), steps=STEPS)
+    assert notes(refused.value)[0] == "  unit 0: the files of scene a have changed"
+
+
+def test_settings_that_change_no_answer_are_no_other_job(make_scene: MakeScene, make_job: MakeJob) -> None:
+    make_scene("a", ["q"])
+    submit(make_job(), steps=STEPS)
+    same = make_job(name="renamed", budget={"calls": 9}, workers={"retries": 5}, images=False)
+    assert submit(same, steps=NO_STEPS).driven.complete
+
+
+def test_changed_job_in_another_folder_pays_only_for_what_changed(make_scene: MakeScene, make_job: MakeJob) -> None:
+    texts = ["one", "two", "three"]
+    scene = make_scene("a", texts)
+    with CountingServer() as server:
+        endpoint = {"kind": "openai", "base_url": server.base_url, "model": "m", "max_tokens": 50}
+        job = make_job(models={"endpoints": {"e": endpoint}, "default": "e"})
+        submit(job, steps=calling_steps.STEPS)
+        paid = server.sent
+        assert paid == len(texts) * (calling_steps.CALLS - 1) + 1
+        again = in_another_folder(job.model_copy(update={"limit": 2}), f"{job.output}2")
+        assert submit(again, steps=calling_steps.STEPS).driven.complete
+        assert server.sent == paid, "equal calls are found where the first run keeps them"
+        save_questions(unit(0, [*texts, "four"], "a").questions, scene / "questions.jsonl")
+        longer = in_another_folder(job, f"{job.output}3")
+        assert submit(longer, steps=calling_steps.STEPS).driven.done == 4
+        assert server.sent == paid + calling_steps.CALLS - 1
+    assert len(read_table(job.output, "answers")) == 3, "the first run is as it was"
 
 
 def test_resume_redoes_a_unit_whose_part_is_damaged(make_scene: MakeScene, make_job: MakeJob) -> None:
@@ -106,8 +162,10 @@ def test_resume_refuses_other_prompts_code_or_config(
     content = RunFolder(run).read_run()
     content["basis"][field].update(change)
     RunFolder(run).write_run(content)
-    with pytest.raises(InputError, match=f"{field}: expected what the run was planned with, found another value of "):
+    with pytest.raises(InputError, match="the prompts, models and code the run was planned with") as refused:
         resume(run, steps=STEPS)
+    assert notes(refused.value)[0].startswith(f"  {field}.")
+    assert " then, " in notes(refused.value)[0]
 
 
 def test_moved_run_folder_resumes_where_it_is(make_scene: MakeScene, make_job: MakeJob, tmp_path: Path) -> None:

@@ -1,0 +1,77 @@
+"""From outcomes to committed units: the only place where a run's tables are written, and where a stale driver stops."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from jobs.events import EventLog
+from jobs.lock import RunLock
+from jobs.spend import CallTotals
+from schemas.compaction import Compactor
+from schemas.errors import InputError
+from schemas.manifest import commit_unit
+from schemas.run_folder import RunFolder
+from schemas.tables import TABLES
+from workers.dispatch import Outcome
+from workers.steps import Tables
+
+
+class Commits:
+    """Gathers a unit's outcomes until they are whole, then commits it.
+
+    Args:
+        run: The run.
+        sizes: Questions of each unit, by unit id, in plan order.
+        lock: The run's lock, looked at before every commit.
+        events: The run's diary.
+    """
+
+    def __init__(self, run: RunFolder, sizes: Mapping[str, int], lock: RunLock, events: EventLog) -> None:
+        self._run, self._lock, self._events = run, lock, events
+        self._gathering: dict[str, list[Tables | None]] = {}
+        self._compactor = Compactor(run.root, sizes.items(), epoch=lock.epoch)
+
+    def add(self, outcome: Outcome) -> int:
+        """Take in an outcome; return how many questions are committed by it: those of its unit, or none yet.
+
+        Raises:
+            FencedError: Another driver has taken the run.
+            StopError: The disk takes no more.
+        """
+        unit = outcome.unit
+        gathered = self._gathering.setdefault(unit.id, [None] * len(unit.questions))
+        gathered[outcome.position] = _checked(outcome)
+        if None in gathered:
+            return 0
+        rows = _merged(self._gathering.pop(unit.id))
+        self._lock.check()
+        if not commit_unit(self._run.root, unit.id, rows, epoch=self._lock.epoch).won:
+            # Nobody else should have: unless the run has just been taken, it was a driver before this one, woken late.
+            self._lock.check()
+        told = {"unit": unit.id, "scene": unit.scene, "questions": len(unit.questions)}
+        self._events.note("committed", **told, calls=CallTotals.of(rows["calls"]).as_event())
+        try:
+            self._compactor.committed(unit.id)
+        except InputError as error:
+            # `resume` finds it as well, and does that unit again.
+            self._events.note("damaged", message=str(error))
+        return len(unit.questions)
+
+
+def _checked(outcome: Outcome) -> Tables:
+    """Return the outcome's tables, sure to hold exactly one answer, to the question that was asked."""
+    asked = outcome.unit.questions[outcome.position].question_id
+    answers = outcome.tables.get("answers", ())
+    assert [row.question_id for row in answers] == [asked], f"question {asked} must have one row in answers"
+    return outcome.tables
+
+
+def _merged(gathered: list[Tables | None]) -> dict[str, list[Any]]:
+    """Return a unit's records by table, questions in plan order."""
+    merged: dict[str, list[Any]] = {name: [] for name in TABLES}
+    for tables in gathered:
+        assert tables is not None
+        for name, records in tables.items():
+            merged[name].extend(records)
+    return merged
