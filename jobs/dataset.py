@@ -1,19 +1,21 @@
-"""The scenes and questions of a job, found and checked before anything runs."""
+"""The scenes and questions of a job, found and checked before anything runs, and then given scene by scene."""
 
 from __future__ import annotations
 
 import glob
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
 from jobs.config import IN_SCENE, JobConfig
+from jobs.problems import Problems
+from jobs.question_index import QuestionIndex
+from pipeline.scene.load import read_views
 from pipeline.scene.scene_file import OBJECTS, QUESTIONS, find_parts
 from schemas import storage
 from schemas.errors import InputError
-from schemas.question_file import load_questions
 from schemas.questions import Question
 
 NO_CONTENT = frozenset({QUESTIONS, OBJECTS})
@@ -37,32 +39,29 @@ class PlannedScene:
     """Its questions, in file order."""
 
 
-def find_scenes(patterns: Iterable[str], subject: object = "job") -> tuple[str, ...]:
+def find_scenes(patterns: Iterable[str], subject: object, problems: Problems) -> tuple[str, ...]:
     """Return the scene folders that paths, URIs and patterns name, patterns sorted.
 
-    Raises:
-        InputError: One names nothing, or a folder is named twice.
+    A pattern that names nothing and a folder named twice are problems.
     """
-    found: list[str] = []
+    found: dict[str, str] = {}
     for pattern in patterns:
         path = storage.local_path(pattern)
         if path is not None and glob.has_magic(str(path)):
             matches = sorted(m for m in glob.glob(str(path), recursive=True) if Path(m).is_dir())
-            if not matches:
-                raise InputError(subject, field="scenes", expected="a pattern that matches folders", found=pattern)
-            found.extend(matches)
-        elif not storage.exists(pattern):
-            raise InputError(subject, field="scenes", expected="a scene folder", found=f"nothing at {pattern}")
+            missing = "a pattern that matches folders", pattern
         else:
-            found.append(pattern)
-    same: dict[str, str] = {}
-    for uri in found:
-        path = storage.local_path(uri)
-        key = str(path.resolve()) if path is not None else uri.rstrip("/")
-        if key in same:
-            raise InputError(subject, field="scenes", expected="each scene once", found=f"{uri} twice")
-        same[key] = uri
-    return tuple(found)
+            matches = [pattern] if storage.exists(pattern) else []
+            missing = "a scene folder", f"nothing at {pattern}"
+        if not matches:
+            problems.add(InputError(subject, field="scenes", expected=missing[0], found=missing[1]))
+        for uri in matches:
+            path = storage.local_path(uri)
+            key = str(path.resolve()) if path is not None else uri.rstrip("/")
+            if key in found:
+                problems.add(InputError(subject, field="scenes", expected="each scene once", found=f"{uri} twice"))
+            found.setdefault(key, uri)
+    return tuple(found.values())
 
 
 def scene_sha256(uri: str) -> str:
@@ -92,53 +91,63 @@ def _file_sha256(uri: str) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
-def load_dataset(config: JobConfig, subject: object = "job") -> tuple[PlannedScene, ...]:
-    """Return a job's scenes in order, each with its questions; scenes without questions are left out.
+def load_dataset(
+    config: JobConfig, subject: object = "job", warn: Callable[[str], None] = lambda text: None
+) -> Dataset:
+    """Return a job's scenes and where their questions lie, after reading every question and camera file once.
+
+    Args:
+        config: The job.
+        subject: What messages call it, such as its file.
+        warn: Told what is odd and no reason to refuse: views whose pose cannot be used.
 
     Raises:
-        InputError: A scene or question file is missing or wrong, two scenes share a name, two questions share an
-            id, a question is about a scene that is not listed, or no question is left.
+        InputError: A scene or question file is missing or wrong, a scene has no usable view, two scenes share a name,
+            two questions share an id, a question is about a scene that is not listed, or no question is left. The
+            first problem is the message and the others are its notes.
     """
+    problems = Problems()
     uris: dict[str, str] = {}
-    for uri in find_scenes(config.scenes, subject):
-        name = find_parts(uri).name
-        if name in uris:
-            raise InputError(uri, field="name", expected="a name no other scene has", found=f"{name}, as {uris[name]}")
-        uris[name] = uri
-    asked: dict[str, list[Question]] = {name: [] for name in uris}
-    seen: dict[str, str] = {}
-    for source, questions in _question_files(config, uris):
-        for question in questions:
-            if question.question_id in seen:
-                found = f"{question.question_id!r}, also in {seen[question.question_id]}"
-                raise InputError(source, field="question_id", expected="an id no other question has", found=found)
-            seen[question.question_id] = source
-            if question.scene in asked:
-                asked[question.scene].append(question)
-            elif config.other_scenes == "refuse":
-                raise InputError(
-                    source,
-                    field=f"scene of question {question.question_id!r}",
-                    expected=f"one of the job's scenes ({_few(list(uris))})",
-                    found=repr(question.scene),
-                )
-    kept = {name: [q for q in asked[name] if q.task in config.tasks][: config.limit] for name in uris}
-    if not any(kept.values()):
-        raise InputError(
-            subject, field="questions", expected=f"a question of task {' or '.join(config.tasks)}", found="none"
-        )
-    return tuple(
-        PlannedScene(name, uri, scene_sha256(uri), tuple(kept[name])) for name, uri in uris.items() if kept[name]
-    )
+    files: list[str] = []
+    for uri in find_scenes(config.scenes, subject, problems):
+        try:
+            parts = find_parts(uri)
+            if parts.name in uris:
+                found = f"{parts.name}, as {uris[parts.name]}"
+                raise InputError(uri, field="name", expected="a name no other scene has", found=found)
+            uris[parts.name] = uri
+            files.append(storage.join(uri, QUESTIONS))
+            for line in read_views(parts).warnings:
+                warn(f"{uri}: {line}")
+        except InputError as error:
+            # Some errors know the scene by its name only.
+            named = InputError(uri, field=error.field, expected=error.expected, found=error.found)
+            problems.add(error if uri in error.subject else named)
+    index = QuestionIndex(list(uris), config.tasks, config.limit, refuse_others=config.other_scenes == "refuse")
+    for file in files if config.questions == IN_SCENE else [config.questions]:
+        index.read(file, problems)
+    index.find_repeated(problems)
+    problems.refuse()
+    if not index.kept:
+        expected = f"a question of task {' or '.join(config.tasks)}"
+        raise InputError(subject, field="questions", expected=expected, found="none")
+    return Dataset(uris, index)
 
 
-def _question_files(config: JobConfig, uris: dict[str, str]) -> list[tuple[str, Sequence[Question]]]:
-    if config.questions != IN_SCENE:
-        return [(config.questions, load_questions(config.questions))]
-    files = [storage.join(uri, QUESTIONS) for uri in uris.values()]
-    return [(file, load_questions(file)) for file in files]
+@dataclass(frozen=True, slots=True)
+class Dataset:
+    """A job's scenes and questions, checked."""
 
+    uris: Mapping[str, str]
+    """Path or URI of each scene's folder, by name, in order."""
+    index: QuestionIndex
+    """Where the questions lie."""
 
-def _few(names: list[str]) -> str:
-    shown = ", ".join(names[:5])
-    return shown if len(names) <= 5 else f"{shown} and {len(names) - 5} more"
+    def scenes(self) -> Iterator[PlannedScene]:
+        """Yield the scenes that have questions, in order, one in memory at a time.
+
+        Raises:
+            InputError: A file cannot be read, or has changed since it was checked.
+        """
+        for name, questions in self.index.by_scene():
+            yield PlannedScene(name, self.uris[name], scene_sha256(self.uris[name]), questions)

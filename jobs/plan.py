@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +17,7 @@ from pipeline.models.config import STAGES as MODEL_STAGES
 from pipeline.models.config import ModelConfig
 from pipeline.models.prompts import Prompts
 from schemas.plan import PlannedUnit
+from schemas.questions import Question
 from schemas.tables import TABLES
 
 METHOD = "splatreasoner"
@@ -24,6 +25,9 @@ METHOD = "splatreasoner"
 
 ID_LENGTH = 32
 """Hex digits of a unit id: 128 bits, no collision at any number of units."""
+
+
+_QUESTION_FIELDS = tuple(field.name for field in dataclasses.fields(Question))
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,29 +64,41 @@ def basis_of(config: JobConfig) -> Basis:
     )
 
 
-def plan_units(config: JobConfig, subject: object = "job") -> tuple[PlannedUnit, ...]:
-    """Return the units of a job, scene by scene.
+def plan_units(
+    config: JobConfig, subject: object = "job", warn: Callable[[str], None] = lambda text: None
+) -> Iterator[PlannedUnit]:
+    """Return the units of a job, scene by scene; one scene is in memory at a time.
+
+    All data are checked before the first unit, so what is wrong shows before anything is written.
+
+    Args:
+        config: The job.
+        subject: What messages call it, such as its file.
+        warn: Told what is odd and no reason to refuse.
 
     Raises:
         InputError: See `load_dataset` and `basis_of`. Nothing has run by then.
     """
-    scenes, basis = load_dataset(config, subject), basis_of(config)
-    units = (unit for scene in scenes for unit in _units_of(scene, basis, config.workers.chunk))
-    return tuple(dataclasses.replace(unit, index=index) for index, unit in enumerate(units))
+    dataset, basis = load_dataset(config, subject, warn), dataclasses.asdict(basis_of(config))
+    parts = ((scene, part) for scene in dataset.scenes() for part in _chunks(scene.questions, config.workers.chunk))
+    return (_unit(index, scene, part, basis) for index, (scene, part) in enumerate(parts))
 
 
-def _units_of(scene: PlannedScene, basis: Basis, chunk: int) -> Iterator[PlannedUnit]:
-    for start in range(0, len(scene.questions), chunk):
-        questions = scene.questions[start : start + chunk]
-        content = {
-            "scene": scene.sha256,
-            "name": scene.name,
-            "questions": [dataclasses.asdict(question) for question in questions],
-            "basis": dataclasses.asdict(basis),
-            "as": METHOD,
-        }
-        unit_id = content_id(content)[:ID_LENGTH]
-        yield PlannedUnit(unit_id, 0, scene.name, scene.uri, scene.sha256, METHOD, questions)
+def _chunks(questions: tuple[Question, ...], size: int) -> Iterator[tuple[Question, ...]]:
+    for start in range(0, len(questions), size):
+        yield questions[start : start + size]
+
+
+def _unit(index: int, scene: PlannedScene, questions: tuple[Question, ...], basis: dict[str, Any]) -> PlannedUnit:
+    content = {
+        "scene": scene.sha256,
+        "name": scene.name,
+        "questions": [{name: getattr(question, name) for name in _QUESTION_FIELDS} for question in questions],
+        "basis": basis,
+        "as": METHOD,
+    }
+    unit_id = content_id(content)[:ID_LENGTH]
+    return PlannedUnit(unit_id, index, scene.name, scene.uri, scene.sha256, METHOD, questions)
 
 
 def content_id(content: Any) -> str:

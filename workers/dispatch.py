@@ -1,8 +1,11 @@
 """Bounded dispatch of questions to a backend, the same loop in-process and on Ray.
 
-It owns the window of questions in flight, the ledger of tries, the deadline of each and what becomes of an error; a
-backend only starts questions and says which have ended. What Ray would retry by itself is switched off: a retry is
-decided here, by error type, and counted.
+It owns the questions in flight, the ledger of tries, the deadline of each and what becomes of an error; a backend only
+starts questions and says which have ended. What Ray would retry by itself is switched off: a retry is decided here, by
+error type, and counted.
+
+Questions travel in batches (`pace.py`) and end one by one: an error is its question's alone, and when a whole batch is
+lost its questions are tried again each alone, so that the one that kills its worker takes no other down.
 """
 
 from __future__ import annotations
@@ -17,13 +20,15 @@ from typing import Generic, Protocol, TypeVar
 from schemas.errors import RetryError, SplatReasonerError, StopError
 from schemas.plan import PlannedUnit
 from schemas.questions import Question
+from workers.pace import Limits, Pace
 from workers.steps import Tables
+
+__all__ = ["Backend", "DeadlineError", "Ended", "Limits", "OutOfMemoryError", "Outcome", "WorkerLostError", "dispatch"]
 
 H = TypeVar("H")
 
 TICK_S = 1.0
 """Longest wait before deadlines and the stop flag are looked at again."""
-
 
 RETRY_WAIT_S = 2.0
 """Wait before a question's second try; doubles with each try. A process that was killed takes seconds to come back."""
@@ -33,22 +38,24 @@ class WorkerLostError(RetryError):
     """The process, actor, node or object that held this question's work or its scene is gone."""
 
 
+class OutOfMemoryError(WorkerLostError):
+    """The process that held this question's work was killed because its node ran out of memory."""
+
+
 class DeadlineError(RetryError):
     """A question had no result in time."""
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
-    """Bounds of dispatch."""
+class Ended:
+    """What became of questions that travelled together."""
 
-    in_flight: int
-    """Questions begun and not ended."""
-    timeout_s: float
-    """Seconds a try may take, waiting for slots included."""
-    retries: int
-    """Tries after the first, for errors that may pass."""
-    drain_s: float = 60.0
-    """Seconds that questions in flight get to end once the run is told to stop."""
+    results: Sequence[Tables | Exception]
+    """Each one's records, or the error that ended it."""
+    seconds: float = 0.0
+    """What their steps took; time in queues is not in it."""
+    held: int = 0
+    """Bytes they held between steps."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,20 +77,20 @@ class Outcome:
 class Backend(Protocol, Generic[H]):
     """Where questions run."""
 
-    def submit(self, unit: PlannedUnit, question: Question) -> H:
-        """Start a question without waiting for it."""
+    def submit(self, unit: PlannedUnit, questions: Sequence[Question]) -> H:
+        """Start questions of a unit, which travel together, without waiting for them."""
         ...
 
     def wait(self, handles: Sequence[H], timeout_s: float) -> Sequence[H]:
         """Return the handles that have ended, after at least one has or the time is over."""
         ...
 
-    def result(self, handle: H) -> Tables:
-        """Return an ended question's records, or raise the error that ended it (WorkerLostError for lost work)."""
+    def result(self, handle: H) -> Ended:
+        """Return what became of each question, or raise what ended them all (WorkerLostError for lost work)."""
         ...
 
     def cancel(self, handle: H) -> None:
-        """Give up a question; its effects, all idempotent, may still happen."""
+        """Give up questions; their effects, all idempotent, may still happen."""
         ...
 
     def forget(self, unit: PlannedUnit) -> None:
@@ -99,9 +106,26 @@ class Backend(Protocol, Generic[H]):
 class _Try:
     unit: PlannedUnit
     position: int
-    number: int
-    deadline: float = 0.0
+    number: int = 1
+    excused: int = 0
+    """Tries that do not count, since another question may have been to blame."""
+    out_of_memory: int = 0
+    """Tries that ended so."""
     not_before: float = 0.0
+
+    @property
+    def question(self) -> Question:
+        return self.unit.questions[self.position]
+
+    def may_retry(self, error: Exception, limits: Limits) -> bool:
+        enough = self.out_of_memory >= limits.oom_tries or self.number - self.excused > limits.retries
+        return isinstance(error, RetryError) and not enough
+
+
+@dataclass(frozen=True, slots=True)
+class _Batch:
+    tries: Sequence[_Try]
+    deadline: float
 
 
 def dispatch(
@@ -128,9 +152,9 @@ def dispatch(
     Raises:
         StopError: A question met one; raised after what is in flight has ended or `drain_s` is over.
     """
-    fresh = ((unit, position) for unit in units for position in range(len(unit.questions)))
-    again: deque[_Try] = deque()
-    running: dict[H, _Try] = {}
+    pace, fresh, again = Pace(limits), _Fresh(units), deque[_Try]()
+    running: dict[H, _Batch] = {}
+    in_flight = 0
     stop: StopError | None = None
     drain_until = float("inf")
 
@@ -138,47 +162,53 @@ def dispatch(
         stopping = stop is not None or should_stop()
         if stopping:
             drain_until = min(drain_until, clock() + limits.drain_s)
-        while not stopping and len(running) < limits.in_flight:
-            attempt = _due(again, clock()) or _first(fresh)
-            if attempt is None:
+        while not stopping and pace.room(in_flight, len(running)):
+            tries = _due(again, clock()) or fresh.take(pace.together)
+            if not tries:
                 break
-            attempt.deadline = clock() + limits.timeout_s
-            running[backend.submit(attempt.unit, attempt.unit.questions[attempt.position])] = attempt
+            handle = backend.submit(tries[0].unit, [attempt.question for attempt in tries])
+            running[handle] = _Batch(tries, clock() + limits.timeout_s)
+            in_flight += len(tries)
         if not running:
             if stopping or not again:
                 break
             sleep(min(TICK_S, max(0.0, min(attempt.not_before for attempt in again) - clock())))
             continue
-        ended = backend.wait(tuple(running), TICK_S)
-        overdue = [h for h, attempt in running.items() if clock() > attempt.deadline and h not in ended]
-        for handle in (*ended, *overdue):
-            attempt = running.pop(handle)
-            question = attempt.unit.questions[attempt.position]
-            kind = ""
-            try:
-                if handle in overdue:
-                    backend.cancel(handle)
-                    raise DeadlineError(f"no result within {limits.timeout_s:g} s")
-                tables = backend.result(handle)
-            except StopError as error:
-                stop = stop or error
-                continue
-            except Exception as error:
-                kind = type(error).__name__
-                told = {"question": question.question_id, "error": kind, "tries": attempt.number}
-                if isinstance(error, RetryError) and attempt.number <= limits.retries:
-                    note("retry", **told, message=str(error))
-                    if isinstance(error, WorkerLostError):
-                        backend.forget(attempt.unit)
+        ended = set(backend.wait(tuple(running), TICK_S))
+        now = clock()
+        overdue = {handle for handle, batch in running.items() if now > batch.deadline} - ended
+        for handle in [handle for handle in running if handle in ended or handle in overdue]:
+            batch = running.pop(handle).tries
+            in_flight -= len(batch)
+            results = _results(backend, handle, batch, limits.timeout_s if handle in overdue else None, pace)
+            if any(isinstance(found, WorkerLostError) for found in results):
+                backend.forget(batch[0].unit)
+            for attempt, found in zip(batch, results, strict=True):
+                if not isinstance(found, Exception):
+                    yield Outcome(attempt.unit, attempt.position, found, attempt.number, "")
+                    continue
+                if isinstance(found, StopError):
+                    stop = stop or found
+                    continue
+                kind = type(found).__name__
+                question = attempt.question
+                told = {
+                    "unit": attempt.unit.id,
+                    "question": question.question_id,
+                    "error": kind,
+                    "tries": attempt.number,
+                }
+                if attempt.may_retry(found, limits):
+                    note("retry", **told, message=str(found))
                     attempt.not_before = clock() + RETRY_WAIT_S * 2 ** (attempt.number - 1)
                     attempt.number += 1
                     again.append(attempt)
                     continue
-                note("failed", **told, **_told(error))
-                tables = backend.failed(question, error)
-            yield Outcome(attempt.unit, attempt.position, tables, attempt.number, kind)
+                note("failed", **told, **_told(found))
+                tables = backend.failed(question, found)
+                yield Outcome(attempt.unit, attempt.position, tables, attempt.number, kind)
         if clock() > drain_until:
-            note("gave_up", questions=len(running))
+            note("gave_up", questions=in_flight)
             for handle in running:
                 backend.cancel(handle)
             break
@@ -186,17 +216,49 @@ def dispatch(
         raise stop
 
 
-def _due(again: deque[_Try], now: float) -> _Try | None:
-    """Take out the first question whose wait for its next try is over."""
+class _Fresh:
+    """The questions that have not been tried, in plan order."""
+
+    def __init__(self, units: Iterable[PlannedUnit]) -> None:
+        self._units = iter(units)
+        self._left: deque[_Try] = deque()
+
+    def take(self, most: int) -> list[_Try]:
+        """Return the next questions, all of one unit and so of one scene; none at the end."""
+        if not self._left and (unit := next(self._units, None)) is not None:
+            self._left.extend(_Try(unit, position) for position in range(len(unit.questions)))
+        # In equal pieces: 10, 10 and 5 would take longer side by side than 9, 8 and 8.
+        pieces = -(-len(self._left) // most)
+        count = -(-len(self._left) // pieces) if pieces else 0
+        return [self._left.popleft() for _ in range(count)]
+
+
+def _due(again: deque[_Try], now: float) -> list[_Try]:
+    """Take out the first question whose wait for its next try is over; it travels alone."""
     found = next((attempt for attempt in again if attempt.not_before <= now), None)
-    if found is not None:
-        again.remove(found)
-    return found
+    if found is None:
+        return []
+    again.remove(found)
+    return [found]
 
 
-def _first(fresh: Iterator[tuple[PlannedUnit, int]]) -> _Try | None:
-    found = next(fresh, None)
-    return None if found is None else _Try(*found, number=1)
+def _results(
+    backend: Backend[H], handle: H, tries: Sequence[_Try], overdue_s: float | None, pace: Pace
+) -> Sequence[Tables | Exception]:
+    """Return what became of each question of a batch; an error of the whole batch is each one's."""
+    try:
+        if overdue_s is not None:
+            backend.cancel(handle)
+            raise DeadlineError(f"no result within {overdue_s:g} s")
+        ended = backend.result(handle)
+    except Exception as error:
+        in_company = len(tries) > 1 and isinstance(error, WorkerLostError | DeadlineError)
+        for attempt in tries:
+            attempt.excused += in_company
+            attempt.out_of_memory += isinstance(error, OutOfMemoryError) and not in_company
+        return [error] * len(tries)
+    pace.learn(len(tries), ended.seconds, ended.held)
+    return ended.results
 
 
 def _told(error: Exception) -> dict[str, str]:

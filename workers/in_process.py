@@ -15,6 +15,7 @@ from schemas.calls import TimingRow
 from schemas.plan import PlannedUnit
 from schemas.questions import Question
 from workers.contexts import Recent
+from workers.dispatch import Ended
 from workers.limiter import gates, local_authorities
 from workers.steps import Steps, Tables, Work
 from workers.thumbnails import save_thumbnails
@@ -46,22 +47,22 @@ class InProcess:
         self._caller = steps.make_caller(work, gates(local_authorities(work)))
         self._scenes: Recent[_Opened] = Recent()
 
-    def submit(self, unit: PlannedUnit, question: Question) -> asyncio.Task[Tables]:
-        """Start a question."""
-        return self._loop.create_task(self._answer(unit, question))
+    def submit(self, unit: PlannedUnit, questions: Sequence[Question]) -> asyncio.Task[Ended]:
+        """Start questions."""
+        return self._loop.create_task(self._answer_all(unit, questions))
 
-    def wait(self, handles: Sequence[asyncio.Task[Tables]], timeout_s: float) -> Sequence[asyncio.Task[Tables]]:
-        """Run the loop until a question has ended or the time is over."""
+    def wait(self, handles: Sequence[asyncio.Task[Ended]], timeout_s: float) -> Sequence[asyncio.Task[Ended]]:
+        """Run the loop until a batch has ended or the time is over."""
         pending = asyncio.wait(handles, timeout=timeout_s, return_when=asyncio.FIRST_COMPLETED)
         done, _ = self._loop.run_until_complete(pending)
         return [handle for handle in handles if handle in done]
 
-    def result(self, handle: asyncio.Task[Tables]) -> Tables:
-        """Return a question's records or raise its error."""
+    def result(self, handle: asyncio.Task[Ended]) -> Ended:
+        """Return what became of questions."""
         return handle.result()
 
-    def cancel(self, handle: asyncio.Task[Tables]) -> None:
-        """Cancel a question at its next wait."""
+    def cancel(self, handle: asyncio.Task[Ended]) -> None:
+        """Cancel questions at their next wait."""
         handle.cancel()
 
     def forget(self, unit: PlannedUnit) -> None:
@@ -100,7 +101,19 @@ class InProcess:
         )
         return _Opened(context, steps.vocabulary(scene), found.unstored, times)
 
-    async def _answer(self, unit: PlannedUnit, question: Question) -> Tables:
+    async def _answer_all(self, unit: PlannedUnit, questions: Sequence[Question]) -> Ended:
+        start = time.perf_counter()
+        answers = (self._answer(unit, question) for question in questions)
+        results = await asyncio.gather(*answers)
+        return Ended(results, time.perf_counter() - start)
+
+    async def _answer(self, unit: PlannedUnit, question: Question) -> Tables | Exception:
+        try:
+            return await self._records(unit, question)
+        except Exception as error:
+            return error
+
+    async def _records(self, unit: PlannedUnit, question: Question) -> Tables:
         steps, method = self._steps, self._work.method
         opened = self._scenes.get(unit.scene_uri, lambda: self._open(unit))
         evidence = await steps.find_evidence(question, opened.vocabulary, self._caller, method)

@@ -1,33 +1,41 @@
-"""The backend on Ray: per question, four steps whose arguments are references, so a waiting step holds no CPU.
+"""The backend on Ray: per batch, four steps whose arguments are references, so a waiting step holds no CPU.
 
 once a scene: load -> prepare, read_index -> index_views (a part each slot) -> join_index
-once a question: evidence (actor) -> propose (CPU) -> decide (actor) -> conclude (CPU)
+once a batch of its questions: evidence (actor) -> propose (CPU) -> decide (actor) -> conclude (CPU)
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import ray
+from ray import exceptions
 from ray.exceptions import GetTimeoutError, RayError, RayTaskError, TaskCancelledError
+from ray.experimental import get_local_object_locations
 from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
 from schemas.plan import PlannedUnit
 from schemas.questions import Question
 from workers import ray_tasks
 from workers.contexts import Recent
-from workers.dispatch import WorkerLostError
+from workers.dispatch import Ended, OutOfMemoryError, WorkerLostError
 from workers.limiter import Limiter, limited_endpoints
 from workers.ray_tasks import SceneKey
 from workers.steps import Steps, Tables, Work
+from workers.together import Failed, Together
+from workers.watchdog import bounded
 
-FETCH_S = 60.0
-"""Seconds to bring an ended question's records here; they are small, so longer means their node is gone."""
+FETCH_S = 20.0
+"""Seconds to bring an ended batch's records here; they are small, so longer means their node is gone."""
 
 CLOSE_S = 10.0
 """Seconds the model actors get to say what their last calls cost."""
+
+KILL_S = 5.0
+"""Seconds Ray gets to end what is no longer needed; without its head it would wait for ever."""
 
 LISTENING = 10_000
 """Exchanges the limiter holds at once: two for each model actor and endpoint, more than any run has."""
@@ -68,17 +76,14 @@ class HeldScene:
     """How long loading and indexing took and what was amiss; empty once a question's records have them."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Chain:
-    """One question's references."""
+    """References of questions that travel together."""
 
     scene: HeldScene
-    """What it shares with the scene's other questions."""
+    """What they share with the scene's other questions."""
     steps: tuple[Any, ...]
     """evidence, propose, decide, conclude; the last one is the result."""
-
-    def __hash__(self) -> int:
-        return hash(self.steps[-1])
 
 
 class OnRay:
@@ -88,7 +93,7 @@ class OnRay:
         work: What the run needs.
         steps: The functions of a question.
         model_actors: Processes that ask models.
-        in_flight: Most questions one of them may be asked at once.
+        in_flight: Most batches one of them may be asked at once.
         slots: CPU slots; each gets a part of a scene's visibility index to compute.
         note: Told what happened, as a kind and details: "damaged".
     """
@@ -115,18 +120,18 @@ class OnRay:
         self._scenes: Recent[HeldScene] = Recent(SCENES_HELD)
         self._submitted = 0
 
-    def submit(self, unit: PlannedUnit, question: Question) -> Chain:
-        """Start a question's chain; nothing here waits."""
+    def submit(self, unit: PlannedUnit, questions: Sequence[Question]) -> Chain:
+        """Start a batch's chain; nothing here waits."""
         work, steps = self._work_ref, self._steps_ref
         held = self._scenes.get(unit.scene_uri, lambda: self._open(unit))
         models = self._models[self._submitted % len(self._models)]
         self._submitted += 1
-        evidence = models.find_evidence.remote(question, held.vocabulary)
+        evidence = models.find_evidence.remote(questions, held.vocabulary)
         shared = (work, steps, held.key, held.scene, held.prepared)
-        proposal = _propose.remote(*shared, question, evidence, held.index, held.unstored)
-        decision = models.decide.remote(question, proposal)
-        tables = _conclude.remote(*shared, question, evidence, proposal, decision)
-        return Chain(held, (evidence, proposal, decision, tables))
+        proposals = _propose.remote(*shared, questions, evidence, held.index, held.unstored)
+        decisions = models.decide.remote(questions, proposals)
+        tables = _conclude.remote(*shared, questions, evidence, proposals, decisions)
+        return Chain(held, (evidence, proposals, decisions, tables))
 
     def _open(self, unit: PlannedUnit) -> HeldScene:
         """Start loading and indexing a scene."""
@@ -148,37 +153,43 @@ class OnRay:
 
     def wait(self, handles: Sequence[Chain], timeout_s: float) -> Sequence[Chain]:
         """Return the chains that have ended."""
-        last = [chain.steps[-1] for chain in handles]
-        ended, _ = ray.wait(last, num_returns=1, timeout=timeout_s, fetch_local=False)
+        chains = {chain.steps[-1]: chain for chain in handles}
+        ended, _ = ray.wait(list(chains), num_returns=1, timeout=timeout_s, fetch_local=False)
         if ended:
-            ended, _ = ray.wait(last, num_returns=len(last), timeout=0, fetch_local=False)
-        known = set(ended)
-        return [chain for chain in handles if chain.steps[-1] in known]
+            ended, _ = ray.wait(list(chains), num_returns=len(chains), timeout=0, fetch_local=False)
+        return [chains[ref] for ref in ended]
 
-    def result(self, handle: Chain) -> Tables:
-        """Return a chain's records, or raise what ended it as our own code raised it."""
+    def result(self, handle: Chain) -> Ended:
+        """Return what became of a chain's questions, or raise what ended it as our own code raised it."""
         try:
-            tables: Tables = ray.get(handle.steps[-1], timeout=FETCH_S)
+            found: Together = ray.get(handle.steps[-1], timeout=FETCH_S)
             notes = ray.get(list(handle.scene.notes), timeout=FETCH_S)
         except RayTaskError as error:
             raise _own_error(error) from None
         except (GetTimeoutError, RayError) as error:
-            raise WorkerLostError(f"{type(error).__name__}: {_first_line(error)}") from None
-        if not notes:
-            return tables
-        # Work done once a scene stands in the records of whichever question ended first.
-        handle.scene.notes = ()
-        for message in (text for noted in notes for text in noted.damaged):
-            self._note("damaged", scene=handle.scene.key.name, message=message)
-        return {**tables, "timings": (*(noted.time for noted in notes), *tables.get("timings", ()))}
+            raise _lost(error) from None
+        results = [value.error if isinstance(value, Failed) else value for value in found.values]
+        for place, tables in enumerate(results):
+            if notes and not isinstance(tables, Exception):
+                # Work done once a scene stands in the records of whichever question ended first.
+                handle.scene.notes = ()
+                for message in (text for noted in notes for text in noted.damaged):
+                    self._note("damaged", scene=handle.scene.key.name, message=message)
+                results[place] = {**tables, "timings": (*(n.time for n in notes), *tables.get("timings", ()))}
+                break
+        return Ended(results, found.seconds, _held_bytes(handle.steps))
 
     def cancel(self, handle: Chain) -> None:
         """Cancel every step; those that run in a task are killed with their process."""
-        evidence, proposal, decision, tables = handle.steps
-        for ref in (tables, proposal):
-            ray.cancel(ref, force=True)
-        for ref in (decision, evidence):
-            ray.cancel(ref)
+        evidence, proposals, decisions, tables = handle.steps
+
+        def give_up() -> None:
+            for ref in (tables, proposals):
+                ray.cancel(ref, force=True)
+            for ref in (decisions, evidence):
+                ray.cancel(ref)
+
+        bounded(give_up, KILL_S)
 
     def forget(self, unit: PlannedUnit) -> None:
         """Drop the reference to the unit's scene."""
@@ -192,8 +203,13 @@ class OnRay:
         """End the actors; the session ends the rest."""
         ray.wait([actor.close.remote() for actor in self._models], num_returns=len(self._models), timeout=CLOSE_S)
         for actor in (*self._models, *filter(None, [self._limiter])):
-            ray.kill(actor)
+            bounded(partial(ray.kill, actor), KILL_S)
         self._models, self._limiter = [], None
+
+
+def store_bytes() -> int:
+    """Return the size of the cluster's object store."""
+    return int(ray.cluster_resources()["object_store_memory"])
 
 
 def _start_limiter(work: Work) -> Any:
@@ -209,12 +225,23 @@ def _own_error(error: RayTaskError) -> Exception:
     while isinstance(cause, RayTaskError):
         cause = cause.cause
     if isinstance(cause, RayError | TaskCancelledError):
-        return WorkerLostError(f"{type(cause).__name__}: {_first_line(cause)}")
+        return _lost(cause)
     if not isinstance(cause, Exception):
         return WorkerLostError(_first_line(error))
     # The traceback stays behind in the worker; its text is what a person needs.
     cause.add_note(str(error))
     return cause
+
+
+def _lost(error: Exception) -> WorkerLostError:
+    kind = OutOfMemoryError if isinstance(error, exceptions.OutOfMemoryError) else WorkerLostError
+    return kind(f"{type(error).__name__}: {_first_line(error)}")
+
+
+def _held_bytes(refs: Sequence[Any]) -> int:
+    """Return the bytes of objects that this process owns, wherever they lie."""
+    found = get_local_object_locations(list(refs))
+    return sum(place.get("object_size") or 0 for place in found.values())
 
 
 def _first_line(error: BaseException) -> str:

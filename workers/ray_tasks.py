@@ -1,12 +1,13 @@
 """What runs inside Ray worker processes: the CPU steps as tasks, the model steps as methods of an async actor.
 
-Plain functions and a plain class; `ray_backend.py` makes them remote.
+Plain functions and a plain class; `ray_backend.py` makes them remote. A question's step takes and gives a batch
+(`together.py`): what goes wrong with one question stays with it.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -20,6 +21,7 @@ from workers.index_steps import IndexPart, Unstored
 from workers.limiter import gates, remote_authorities
 from workers.steps import Steps, Tables, Work
 from workers.thumbnails import save_thumbnails
+from workers.together import Together, each, each_async
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,20 +122,24 @@ def propose(
     key: SceneKey,
     scene: Any,
     prepared: Any,
-    question: Question,
-    evidence: Any,
+    questions: Sequence[Question],
+    evidence: Together,
     index: Any,
     unstored: Any,
-) -> Any:
-    """Return a question's candidate views, after storing the rows of the index that it had rendered."""
+) -> Together:
+    """Return questions' candidate views, after storing the rows of the index that they had rendered."""
     opened = _contexts.get(key.uri, lambda: _Opened(steps.open_context(scene, prepared)))
     if opened.unstored is None:
         steps.adopt_index(opened.context, work.method, index)
         opened.unstored = unstored
-    proposal = steps.propose(opened.context, question, evidence, work.method)
-    with _reopened(key):
-        steps.keep_rows(opened.context, work.method, opened.unstored)
-    return proposal
+
+    def one(question: Question, found: Any) -> Any:
+        proposal = steps.propose(opened.context, question, found, work.method)
+        with _reopened(key):
+            steps.keep_rows(opened.context, work.method, opened.unstored)
+        return proposal
+
+    return each(one, questions, evidence)
 
 
 def conclude(
@@ -142,17 +148,21 @@ def conclude(
     key: SceneKey,
     scene: Any,
     prepared: Any,
-    question: Question,
-    evidence: Any,
-    proposal: Any,
-    decision: Any,
-) -> Tables:
-    """Return a question's records, after saving the thumbnails of its views."""
+    questions: Sequence[Question],
+    evidence: Together,
+    proposals: Together,
+    decisions: Together,
+) -> Together:
+    """Return questions' records, after saving the thumbnails of their views."""
     opened = _contexts.get(key.uri, lambda: _Opened(steps.open_context(scene, prepared)))
-    rows = steps.conclude(opened.context, question, evidence, proposal, decision, work.method)
-    if work.images:
-        save_thumbnails(work.images, steps.thumbnails(proposal, rows))
-    return steps.tables(rows)
+
+    def one(question: Question, found: Any, proposal: Any, decision: Any) -> Tables:
+        rows = steps.conclude(opened.context, question, found, proposal, decision, work.method)
+        if work.images:
+            save_thumbnails(work.images, steps.thumbnails(proposal, rows))
+        return steps.tables(rows)
+
+    return each(one, questions, evidence, proposals, decisions)
 
 
 class Models:
@@ -170,13 +180,19 @@ class Models:
         authorities = {} if limiter is None else remote_authorities(work, limiter)
         self._caller = steps.make_caller(work, gates(authorities, place))
 
-    async def find_evidence(self, question: Question, vocabulary: Any) -> Any:
-        """Return a question's evidence categories."""
-        return await self._steps.find_evidence(question, vocabulary, self._caller, self._work.method)
+    async def find_evidence(self, questions: Sequence[Question], vocabulary: Any) -> Together:
+        """Return questions' evidence categories."""
+        return await each_async(
+            lambda question: self._steps.find_evidence(question, vocabulary, self._caller, self._work.method), questions
+        )
 
-    async def decide(self, question: Question, proposal: Any) -> Any:
-        """Return what the models decided on a question's candidate views."""
-        return await self._steps.decide(question, proposal, self._caller, self._work.method)
+    async def decide(self, questions: Sequence[Question], proposals: Together) -> Together:
+        """Return what the models decided on questions' candidate views."""
+        return await each_async(
+            lambda question, proposal: self._steps.decide(question, proposal, self._caller, self._work.method),
+            questions,
+            proposals,
+        )
 
     async def close(self) -> None:
         """Ask no more."""

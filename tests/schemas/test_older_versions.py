@@ -17,6 +17,8 @@ from schemas.table import Added, TableSpec
 from schemas.tables import TABLES
 
 FIRST_COLUMNS = {
+    "arms": "question_id scene task category method arm status reason answer views chosen frames mark mark_reason "
+    "predicted targets iou region_gaussians",
     "answers": "question_id scene task category method question reference evidence activated clusters clusters_found "
     "status reason answer arm frames model",
     "calls": "question_id scene stage subject key endpoint model prompt_sha256 attempt outcome reply prompt_tokens "

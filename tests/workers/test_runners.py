@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ import pytest
 from schemas.errors import StopError
 from schemas.plan import PlannedUnit
 from tests.workers.fake_steps import MARKS, STEPS, unit
-from workers.dispatch import Backend, Limits, Outcome, dispatch
+from workers.dispatch import Limits, Outcome, dispatch
 from workers.in_process import InProcess
 from workers.steps import Work
 
@@ -52,7 +53,7 @@ def on_ray(
 
     backend = OnRay(work, STEPS, model_actors=2, in_flight=limits.in_flight, slots=2, note=note)
     try:
-        return ended(backend, units, limits)
+        return list(dispatch(units, backend, limits, note=note))
     finally:
         backend.close()
 
@@ -62,13 +63,9 @@ def in_process(
 ) -> list[Outcome]:
     backend = InProcess(work, STEPS, note)
     try:
-        return ended(backend, units, limits)
+        return list(dispatch(units, backend, limits, note=note))
     finally:
         backend.close()
-
-
-def ended(backend: Backend[Any], units: list[PlannedUnit], limits: Limits) -> list[Outcome]:
-    return list(dispatch(units, backend, limits))
 
 
 def test_in_process_and_ray_give_the_same_rows(work: Work, ray_up: Path) -> None:
@@ -125,6 +122,61 @@ def test_one_process_stores_what_its_questions_had_rendered_and_reads_it_again(w
     assert told == ["damaged"]
 
 
+@pytest.mark.parametrize("where", ["in_process", "on_ray"])
+def test_rows_are_the_same_whatever_travels_together(work: Work, ray_up: Path, where: str) -> None:
+    texts = ["a", "bb", "no evidence", "bug", "ccc", "always busy", "x", "dd"]
+    runner = {"in_process": in_process, "on_ray": on_ray}[where]
+    found = [
+        runner(
+            dataclasses.replace(work, visibility=f"{work.visibility}-{batch}"),
+            [unit(20, texts), unit(21, texts)],
+            Limits(in_flight=16, timeout_s=60.0, retries=0, batch=batch),
+        )
+        for batch in (1, 8)
+    ]
+    rows = [
+        {(o.unit.id, o.position): (o.error, {**o.tables, "timings": None}, o.tries) for o in outcomes}
+        for outcomes in found
+    ]
+    assert rows[0] == rows[1]
+    assert len(rows[0]) == 16
+
+
+def test_worker_killed_by_one_question_of_a_batch_fails_that_one_alone(work: Work, ray_up: Path) -> None:
+    limits = Limits(in_flight=5, timeout_s=60.0, retries=0, batch=5)
+    told: dict[str, dict[str, Any]] = {}
+
+    def note(kind: str, **details: Any) -> None:
+        told[details["error"]] = details
+
+    found = on_ray(work, [unit(22, ["a", "b", "always kills", "bug", "c"])], limits, note)
+    assert {o.position: (o.error, o.tries) for o in found} == {
+        0: ("", 2),
+        1: ("", 2),
+        2: ("WorkerLostError", 2),
+        3: ("ZeroDivisionError", 2),
+        4: ("", 2),
+    }
+    assert 'raise ZeroDivisionError("division by zero")' in told["ZeroDivisionError"]["traceback"]
+
+
+def test_bytes_of_pictures_in_flight_are_measured(work: Work, ray_up: Path) -> None:
+    from workers.ray_backend import OnRay
+
+    planned = unit(24, ["a", "b", "no evidence"])
+    backend = OnRay(work, STEPS, model_actors=1, in_flight=2, slots=1)
+    try:
+        handle = backend.submit(planned, planned.questions)
+        backend.wait([handle], 60.0)
+        ended = backend.result(handle)
+    finally:
+        backend.close()
+    picture = 300 * 400 * 3
+    # Equal pictures of a batch are one object, but these are two arrays; the failed question holds none.
+    assert 2 * picture < ended.held < 2 * picture + 20_000
+    assert ended.seconds > 0
+
+
 def test_killed_worker_costs_its_question_a_retry_and_nothing_else(work: Work, ray_up: Path) -> None:
     found = on_ray(work, [unit(3, ["a", "kill the worker", "b"])])
     assert {status for status, _, _ in answers(found).values()} == {"answered"}
@@ -132,17 +184,12 @@ def test_killed_worker_costs_its_question_a_retry_and_nothing_else(work: Work, r
     assert tries[1] >= 2
 
 
-def test_question_that_always_kills_its_worker_fails_alone(work: Work, ray_up: Path) -> None:
-    limits = Limits(in_flight=1, timeout_s=60.0, retries=1)
-    found = on_ray(work, [unit(4, ["a", "always kills", "b"])], limits)
-    assert [(o.position, o.error, o.tries) for o in found if o.error] == [(1, "WorkerLostError", 2)]
-
-
 def test_question_that_hangs_in_a_worker_is_killed_and_tried_again(work: Work, ray_up: Path) -> None:
-    limits = Limits(in_flight=2, timeout_s=10.0, retries=1)
+    # On a busy machine a process takes seconds to start, so the try after the one that hangs may be late as well.
+    limits = Limits(in_flight=2, timeout_s=8.0, retries=5)
     found = on_ray(work, [unit(5, ["hangs", "a"])], limits)
     assert answers(found)["scene5-0"][0] == "answered"
-    assert {o.position: o.tries for o in found}[0] == 2
+    assert {o.position: o.tries for o in found}[0] >= 2
 
 
 @pytest.mark.parametrize("where", ["in_process", "on_ray"])
