@@ -198,8 +198,15 @@ def parts(url: str, calls: int) -> None:
                 lambda: make_caller(work.models, Path(work.calls), gates(local_authorities(work))),
             ),
         ]
+
+        async def timed(caller: Caller, ask: Callable[..., Any], name: str) -> tuple[float, float]:
+            spent = await _timed(caller, ask, name, calls)
+            if ask is complete:
+                await client.aclose()
+            return spent
+
         for name, ask, make in ways:
-            wall, cpu = asyncio.run(_timed(make(), ask, name, calls))
+            wall, cpu = asyncio.run(timed(make(), ask, name))
             print(f"{name:16s} {calls / wall:5.0f} calls/s, {1e3 * cpu / calls:.2f} ms CPU a call", flush=True)
 
 
