@@ -10,9 +10,20 @@ from typing import Any, Literal, Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float, Int32, UInt8
 
-Stage = Literal["evidence", "view_answer", "choice", "verify", "answer_one", "answer_many", "judge", "caption"]
-"""answer_one is the EQA / single-target prompt (one image index), answer_many asks yes or no per image; caption is
-asked by baselines alone."""
+Stage = Literal[
+    "evidence",
+    "view_answer",
+    "choice",
+    "verify",
+    "answer_one",
+    "answer_many",
+    "judge",
+    "caption",
+    "answer_text",
+    "answer_blind",
+]
+"""answer_one is the EQA / single-target prompt (one image index), answer_many asks yes or no per image. Baselines alone
+ask caption, answer_text (from descriptions) and answer_blind (from nothing)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,16 +54,50 @@ class ImagePart:
     """sRGB pixels."""
     observation: Observation | None = None
     """For the symbolic model; never sent to an endpoint."""
+    _digest: str = field(default="", init=False, repr=False, compare=False)
+    """The hash once it was made."""
+
+    def __reduce__(self) -> tuple[type[ImagePart], tuple[Any, ...]]:
+        # Arrays that were pickled may be written to again, so what is known of them is not.
+        return ImagePart, (self.color, self.observation)
 
     def sha256(self) -> str:
-        """Return the hash of the pixels and, where there is one, of the observation."""
-        digest = hashlib.sha256(repr(self.color.shape).encode())
-        digest.update(np.ascontiguousarray(self.color).data)
-        if self.observation is not None:
-            for array in (self.observation.category, self.observation.depth, self.observation.K, self.observation.up):
-                digest.update(np.ascontiguousarray(array).data)
-            digest.update("\n".join(self.observation.vocabulary).encode())
-        return digest.hexdigest()
+        """Return the hash of the pixels and, where there is one, of the observation.
+
+        It is made once, at 0.6 ms for 320 x 240 pixels, and holds from then on: the arrays can no longer be written
+        to, and a view of memory that can is copied first.
+        """
+        if not self._digest:
+            self._freeze()
+            digest = hashlib.sha256(repr(self.color.shape).encode())
+            digest.update(np.ascontiguousarray(self.color).data)
+            if self.observation is not None:
+                for name in _ARRAYS:
+                    digest.update(np.ascontiguousarray(getattr(self.observation, name)).data)
+                digest.update("\n".join(self.observation.vocabulary).encode())
+            object.__setattr__(self, "_digest", digest.hexdigest())
+        return self._digest
+
+    def _freeze(self) -> None:
+        object.__setattr__(self, "color", _frozen(self.color))
+        if (seen := self.observation) is not None:
+            arrays = {name: _frozen(getattr(seen, name)) for name in _ARRAYS}
+            object.__setattr__(self, "observation", Observation(**arrays, vocabulary=seen.vocabulary))
+
+
+_ARRAYS = ("category", "depth", "K", "up")
+"""Arrays of an observation in the order in which they are hashed."""
+
+
+def _frozen(array: np.ndarray) -> np.ndarray:
+    """Return an array that is no longer written to: itself, or a copy of one whose memory belongs to another."""
+    owner = array.base
+    while isinstance(owner, np.ndarray) and not owner.flags.writeable:
+        owner = owner.base
+    if owner is not None:
+        array = array.copy()
+    array.flags.writeable = False
+    return array
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,9 +25,8 @@ from pipeline.models.symbolic.perceive import (
     Thing,
     View,
 )
-from pipeline.models.symbolic.shapes import free_edges
 from pipeline.scene.color_names import COLOR_NAMES, name_colors
-from tests.models.symbolic_reference_parts import Parts, find_parts, hollow, merge_parts
+from tests.models.symbolic_reference_parts import Parts, find_parts, free_edges, hollow, merge_parts
 
 
 def perceive(image: ImagePart) -> View:

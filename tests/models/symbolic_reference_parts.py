@@ -18,7 +18,7 @@ from pipeline.models.symbolic.merge import (
     UPRIGHT_OVERLAP,
     WITHIN_M,
 )
-from pipeline.models.symbolic.shapes import DENT_M, DENT_PER_M, RIM
+from pipeline.models.symbolic.shapes import DENT_M, DENT_PER_M, EDGE_SHARE, RIM
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,6 +211,27 @@ def _cut_by_something(
     building = (met < 0) | ~mergeable[met]
     margin = np.where(building, -0.5, 0.5) * jump_limit(expected)
     return bool(((found > 0) & (found < expected + margin))[between].mean() > OCCLUDED_SHARE)
+
+
+def free_edges(mask: Bool[np.ndarray, "h w"], depth_m: Float[np.ndarray, "h w"]) -> tuple[float, ...]:
+    """Return the share of each upright edge behind which there is nothing near; edges that are not seen are left out.
+
+    A leaf in its frame has the frame or the wall next to both edges; a leaf that stands open has air beside one.
+
+    Args:
+        mask: Pixels of the leaf, with at least one pixel of margin where the image goes on.
+        depth_m: z-depth of the same pixels, metres.
+    """
+    limit = jump_limit(depth_m)
+    shares = []
+    for inner, outer in ((slice(1, None), slice(None, -1)), (slice(None, -1), slice(1, None))):
+        edge = mask[:, inner] & ~mask[:, outer] & (depth_m[:, outer] > 0)
+        step = depth_m[:, outer] - depth_m[:, inner]
+        seen = edge & (step > -limit[:, inner])
+        rows = np.count_nonzero(mask.any(axis=1))
+        if np.count_nonzero(seen) >= EDGE_SHARE * rows:
+            shares.append(float((step[seen] > 2.0 * limit[:, inner][seen]).mean()))
+    return tuple(shares)
 
 
 def hollow(mask: Bool[np.ndarray, "h w"], depth_m: Float[np.ndarray, "h w"]) -> float:

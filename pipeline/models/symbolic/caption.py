@@ -1,10 +1,10 @@
-"""Describing a view without a question: what the baselines of captioned frames hand to a language model."""
+"""Describing a view, or one object in it, without a question: what the baselines of captions give a language model."""
 
 from __future__ import annotations
 
-from pipeline.models.symbolic.knowledge import GROUND, STRUCTURE
+from pipeline.models.symbolic.knowledge import BUILDING
 from pipeline.models.symbolic.perceive import Thing, View
-from pipeline.models.symbolic.resolve import room_of
+from pipeline.models.symbolic.resolve import prominence, room_of
 from pipeline.models.symbolic.sentences import ALWAYS_PLURAL, listed, place_of, with_article
 from pipeline.models.symbolic.states import state_of
 
@@ -27,8 +27,8 @@ def caption(view: View) -> str:
     """
     if not view.things:
         return SHOWS_NOTHING
-    building = [thing for thing in view.things if thing.kind in STRUCTURE | GROUND]
-    furniture = [index for index, thing in enumerate(view.things) if thing.kind not in STRUCTURE | GROUND]
+    building = [thing for thing in view.things if thing.kind in BUILDING]
+    furniture = [index for index, thing in enumerate(view.things) if thing.kind not in BUILDING]
     room = room_of(view)
     sentences = [f"This is the {room}."] if room else []
     sentences += [_placed(view, index) for index in furniture[:MOST_THINGS]]
@@ -39,7 +39,20 @@ def caption(view: View) -> str:
     return " ".join(sentences)
 
 
-def _placed(view: View, index: int) -> str:
+def caption_object(view: View, name: str) -> str:
+    """Return a sentence on the most prominent thing of a name: its colours, what it stands on or next to, its states.
+
+    Args:
+        view: What is seen, cut out around it.
+        name: What it was taken for; what no thing of that name shows is not described.
+    """
+    found = view.named(frozenset({name}))
+    if not found:
+        return f"There is {with_article(name)}."
+    return _placed(view, max(found, key=lambda i: (prominence(view.things[i]), -i)), aside=True)
+
+
+def _placed(view: View, index: int, *, aside: bool = False) -> str:
     thing = view.things[index]
     place = place_of(view, index)
     where = f" {place[0]}" if place is not None else ""
@@ -47,7 +60,8 @@ def _placed(view: View, index: int) -> str:
     noun, plural = f"{colors} {thing.name}".strip(), thing.name in ALWAYS_PLURAL
     verb, noun = ("are", noun) if plural else ("is", with_article(noun))
     doubt = "" if thing.clear else "what looks like "
-    return f"{_side(thing)} {verb} {doubt}{noun}{where}{_distance(thing)}{_states(view, index)}."
+    side, distance = ("There", "") if aside else (_side(thing), _distance(thing))
+    return f"{side} {verb} {doubt}{noun}{where}{distance}{_states(view, index)}."
 
 
 def _side(thing: Thing) -> str:

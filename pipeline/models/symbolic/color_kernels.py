@@ -34,7 +34,7 @@ def name_color(red_level, green_level, blue_level):
 @njit
 def _sextant(red, green, blue, value, chroma):
     if value == red:
-        return ((green - blue) / chroma) % 6.0
+        return (green - blue) / chroma + (6.0 if green < blue else 0.0)
     return (blue - red) / chroma + 2.0 if value == green else (red - green) / chroma + 4.0
 
 

@@ -75,6 +75,27 @@ def cut_out(labels, rank, thing, depth, bounds):
 
 
 @kernel
+def free_edge(mask, depth, inward, jump_m, jump_per_m):
+    """Return of the left (inward 1) or right (-1) edge of a thing: pixels that are free, pixels seen, rows it has.
+
+    See `shapes`; takes (h, w) bool and float32.
+    """
+    free, seen, rows = 0, 0, 0
+    for row in range(mask.shape[0]):
+        own, z = mask[row], depth[row]
+        any_own = False
+        for column in range(len(own)):
+            any_own |= own[column]
+            outer = column - inward
+            if own[column] and 0 <= outer < len(own) and not own[outer] and z[outer] > 0:
+                step, limit = z[outer] - z[column], jump_m + jump_per_m * z[column]
+                seen += step > -limit
+                free += step > np.float32(2.0) * limit
+        rows += any_own
+    return free, seen, rows
+
+
+@kernel
 def hollow_rows(mask, depth, rim, dent_m, dent_per_m):
     """Return the share of pixels behind the line across their row, see `shapes`; takes (a, b) bool and float32."""
     behind, seen = 0, 0

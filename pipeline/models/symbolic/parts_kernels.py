@@ -13,6 +13,9 @@ from numba import njit
 
 from pipeline.cached_kernels import kernel
 
+# Bytes that are compared with zero at once.
+WORD = 8
+
 
 @njit
 def _on_one_surface(depth, row, column, down, across, jump_m, jump_per_m, bend):
@@ -21,13 +24,19 @@ def _on_one_surface(depth, row, column, down, across, jump_m, jump_per_m, bend):
     if abs(there - here) <= jump_m + jump_per_m * there:
         return True
     at, count = (row, depth.shape[0]) if down else (column, depth.shape[1])
-    for first in range(max(0, at - 2), min(at, count - 4) + 1):
-        back = first - at
-        row_0, column_0 = row + back * down, column + back * across
-        if _straight(depth, row_0, column_0, down, across, bend) and _straight(
-            depth, row_0 + down, column_0 + across, down, across, bend
-        ):
+    first, stop = max(0, at - 2), min(at + 2, count - 2)
+    if stop - first < 2:
+        return False
+    # Two straight triples in a row, of those that hold both pixels or reach to one beside them.
+    row, column = row - (at - first) * down, column - (at - first) * across
+    one, two = _inverse(depth[row, column]), _inverse(depth[row + down, column + across])
+    straight = False
+    for _ in range(first, stop):
+        three = _inverse(depth[row + 2 * down, column + 2 * across])
+        before, straight = straight, abs(one - np.float32(2.0) * two + three) <= bend * two
+        if before and straight:
             return True
+        one, two, row, column = two, three, row + down, column + across
     return False
 
 
@@ -35,17 +44,9 @@ def _on_one_surface(depth, row, column, down, across, jump_m, jump_per_m, bend):
 def _breaks(own, before, z, z_before, jump_m, jump_per_m, ends):
     """Mark where neighbours differ or are not close in depth; no branches, so that many are done at a time."""
     for column in range(len(own)):
-        ends[column] = (own[column] != before[column]) | (
-            not abs(z[column] - z_before[column]) <= jump_m + jump_per_m * z[column]
+        ends[column] = np.uint8(
+            (own[column] != before[column]) | (not abs(z[column] - z_before[column]) <= jump_m + jump_per_m * z[column])
         )
-
-
-@njit
-def _straight(depth, row, column, down, across, bend):
-    one = _inverse(depth[row, column])
-    two = _inverse(depth[row + down, column + across])
-    three = _inverse(depth[row + 2 * down, column + 2 * across])
-    return abs(one - np.float32(2.0) * two + three) <= bend * two
 
 
 @njit
@@ -74,24 +75,30 @@ def find_runs(category, depth, names, jump_m, jump_per_m, bend):
     kind = np.empty(height * width + 1, np.int32)
     begins = np.empty(height + 1, np.int32)
     own = np.empty(width, np.int32)
-    ends = np.empty(width, np.bool_)
+    ends = np.zeros((width + WORD - 1) // WORD * WORD, np.uint8)
+    words = ends.view(np.uint64)
     runs = 0
     for row in range(height):
         begins[row] = runs
         line, z = category[row], depth[row]
         for column in range(width):
             own[column] = line[column] if (line[column] < names) & (line[column] >= 0) & (z[column] > 0) else -1
-        _breaks(own[1:], own[:-1], z[1:], z[:-1], jump_m, jump_per_m, ends)
-        for column in range(width):
-            if column > 0:
-                if not ends[column - 1]:
+        ends[0] = 1
+        _breaks(own[1:], own[:-1], z[1:], z[:-1], jump_m, jump_per_m, ends[1:])
+        for word in range(len(words)):
+            if words[word] == 0:  # most neighbours lie on one surface
+                continue
+            for column in range(WORD * word, min(WORD * word + WORD, width)):
+                if not ends[column]:
                     continue
-                if own[column] == own[column - 1] and (
-                    own[column] < 0 or _on_one_surface(depth, row, column - 1, 0, 1, jump_m, jump_per_m, bend)
+                if (
+                    column > 0
+                    and own[column] == own[column - 1]
+                    and (own[column] < 0 or _on_one_surface(depth, row, column - 1, 0, 1, jump_m, jump_per_m, bend))
                 ):
                     continue
-            start[runs], parent[runs], kind[runs] = row * width + column, runs, own[column]
-            runs += 1
+                start[runs], parent[runs], kind[runs] = row * width + column, runs, own[column]
+                runs += 1
     begins[height] = runs
     start[runs] = height * width
     for row in range(height - 1):

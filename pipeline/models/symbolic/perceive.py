@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -21,6 +21,7 @@ from pipeline.models.symbolic.components import JUMP_M, JUMP_PER_M, Parts, find_
 from pipeline.models.symbolic.knowledge import DOORS, LIGHTS, OPENING, STRUCTURE
 from pipeline.models.symbolic.lexicon import canonical
 from pipeline.models.symbolic.merge import merge_parts
+from pipeline.models.symbolic.pairs import Pairs
 from pipeline.models.symbolic.shapes import free_edges, hollow
 from pipeline.scene.color_names import COLOR_NAMES
 
@@ -113,12 +114,21 @@ class View:
     lower outline."""
     covers: Mapping[tuple[int, int], float] = field(default_factory=dict)
     """(front, back) indices of things of which one covers part of the other: share of the outline of the one behind."""
-    gaps: dict[tuple[int, int], float] = field(default_factory=dict, compare=False, repr=False)
-    """Gaps between things that were asked for, see `relations.gap_m`: questions ask for the same ones again."""
+    _pairs: list[Pairs] = field(default_factory=list, init=False, compare=False, repr=False)
+    """How the things stand to each other, once that was asked."""
     answers: deque[tuple[Query, Answer]] = field(
         default_factory=lambda: deque(maxlen=ANSWERS), compare=False, repr=False
     )
     """Latest answers, see `answer_view`: stages that compare views ask what was asked of each alone."""
+    captions: dict[str, str] = field(default_factory=dict, compare=False, repr=False)
+    """Descriptions that were given, of the view ("") or of a named object."""
+
+    @property
+    def pairs(self) -> Pairs:
+        """How the things stand to each other, kept: questions ask for the same again."""
+        if not self._pairs:
+            self._pairs.append(Pairs(self.things, self.contacts))
+        return self._pairs[0]
 
     def named(self, names: frozenset[str]) -> list[int]:
         """Return the indices of things that carry one of the names, largest first."""
@@ -154,16 +164,17 @@ def perceive(image: ImagePart) -> View:
             (SEEN_SHARE, CUT_FACTOR, GLARE, MATTE_SHARE, POINTS),
         )
     )
-    category = parts.category[found.first]
-    things = tuple(
-        _thing(found, index, seen.vocabulary[name], kinds.canonical[name], parts, depth)
-        for index, name in enumerate(category.tolist())
-    )
+    things = _things(found, seen.vocabulary, kinds.canonical, parts, depth)
     touching, feet, covering, outline = outlines(
         *(parts.run_begin, parts.row_begin, parts.run_part, found.rank, depth, len(things)),
         *(np.float32(JUMP_M), np.float32(JUMP_PER_M)),
     )
-    return View(things, _shares(touching, feet[:, None]), _shares(covering, outline))
+    (upper, lower), (front, back) = touching.nonzero(), covering.nonzero()
+    return View(
+        things,
+        _by_pair(upper, lower, touching[upper, lower] / feet[upper]),
+        _by_pair(front, back, covering[front, back] / outline[back]),
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,49 +217,58 @@ def _points(
     """Unproject the samples into right, up, forward."""
     from pipeline.models.symbolic.things_kernels import unproject
 
-    up = up / np.linalg.norm(up)
+    up = up / _length(up)
     forward = np.array([0.0, 0.0, 1.0]) - up[2] * up
-    if np.linalg.norm(forward) < LEVEL_VIEW:
+    if _length(forward) < LEVEL_VIEW:
         top = np.array([0.0, np.sign(up[2]) or 1.0, 0.0])
         forward = top - (top @ up) * up
-    forward /= np.linalg.norm(forward)
+    forward /= _length(forward)
     (f_0, f_1, f_2), (u_0, u_1, u_2) = forward.tolist(), up.tolist()
     axes = np.array([[f_1 * u_2 - f_2 * u_1, f_2 * u_0 - f_0 * u_2, f_0 * u_1 - f_1 * u_0], up, forward])
     points: Float[np.ndarray, "S 3"] = unproject(parts.sample_pixel, depth, K, stride) @ axes.T
     return points
 
 
-def _thing(found: Described, index: int, name: str, kind: str, parts: Parts, depth: Float[np.ndarray, "H W"]) -> Thing:
+def _length(vector: Float[np.ndarray, "3"]) -> float:
+    return math.sqrt(vector.dot(vector))
+
+
+def _things(
+    found: Described, names: Sequence[str], kinds: Sequence[str], parts: Parts, depth: Float[np.ndarray, "H W"]
+) -> tuple[Thing, ...]:
     height, width = depth.shape
-    left, top, right, bottom = found.bounds[index].tolist()
-    cut = left == 0 or top == 0 or right == width - 1 or bottom == height - 1
-    share = found.pixels.item(index) / depth.size
-    most, next_most = found.best[index].tolist()
-    begin, end = found.bright_begin.item(index), found.bright_begin.item(index + 1)
-    counts = found.tallies[index].tolist()
-    second = COLOR_NAMES[next_most] if counts[next_most] >= 0.3 * sum(counts) else ""
-    edges: tuple[float, ...] = ()
-    inner = 0.0
-    if kind in OPENING:
-        edges, inner = _opening(found, index, kind, parts, depth)
-    return Thing(
-        name,
-        kind,
-        share,
-        (0.5 * (left + right + 1) / width, 0.5 * (top + bottom + 1) / height),
-        cut,
-        share >= CLEAR_SHARE * (CUT_FACTOR if cut and kind not in STRUCTURE else 1.0),
-        COLOR_NAMES[most],
-        second,
-        bright=float(np.add.reduce(found.bright[begin:end]) / (end - begin)),
-        peak=found.peak.item(index) / 255.0,
-        low=found.box[0][index],
-        high=found.box[1][index],
-        points=found.points[found.point_begin.item(index) : found.point_begin.item(index + 1)],
-        distance=math.sqrt(found.squared_distance.item(index)),
-        free_edges=edges,
-        hollow=inner,
+    columns = (
+        *(parts.category[found.first], found.pixels, found.bounds, found.best, found.tallies, found.peak),
+        *(found.squared_distance, found.point_begin[:-1], found.point_begin[1:]),
+        *(found.bright_begin[:-1], found.bright_begin[1:]),
     )
+    points = found.points[: found.point_begin.item(-1)].copy()  # the rest of the buffer is not kept with the view
+    things = []
+    for index, row in enumerate(zip(*(column.tolist() for column in columns), strict=True)):
+        name, pixels, (left, top, right, bottom), (most, next_most), counts, peak, squared, *begins = row
+        kind, share = kinds[name], pixels / depth.size
+        cut = left == 0 or top == 0 or right == width - 1 or bottom == height - 1
+        edges, inner = _opening(found, index, kind, parts, depth) if kind in OPENING else ((), 0.0)
+        thing = Thing(
+            names[name],
+            kind,
+            share,
+            (0.5 * (left + right + 1) / width, 0.5 * (top + bottom + 1) / height),
+            cut,
+            share >= CLEAR_SHARE * (CUT_FACTOR if cut and kind not in STRUCTURE else 1.0),
+            COLOR_NAMES[most],
+            COLOR_NAMES[next_most] if counts[next_most] >= 0.3 * sum(counts) else "",
+            bright=float(np.add.reduce(found.bright[begins[2] : begins[3]]) / (begins[3] - begins[2])),
+            peak=peak / 255.0,
+            low=found.box[0][index],
+            high=found.box[1][index],
+            points=points[begins[0] : begins[1]],
+            distance=math.sqrt(squared),
+            free_edges=edges,
+            hollow=inner,
+        )
+        things.append(thing)
+    return tuple(things)
 
 
 def _opening(
@@ -261,8 +281,7 @@ def _opening(
     return (free_edges(mask, near), 0.0) if kind in DOORS else ((), hollow(mask, near))
 
 
-def _shares(counts: Int[np.ndarray, "T T"], whole: Int64[np.ndarray, "*T"]) -> dict[tuple[int, int], float]:
-    """Return what is not zero of the counts, as shares."""
-    first, second = np.nonzero(counts)
-    shares = (counts / np.maximum(1, whole))[first, second]
+def _by_pair(
+    first: Int[np.ndarray, "N"], second: Int[np.ndarray, "N"], shares: Float[np.ndarray, "N"]
+) -> dict[tuple[int, int], float]:
     return dict(zip(zip(first.tolist(), second.tolist(), strict=True), shares.tolist(), strict=True))

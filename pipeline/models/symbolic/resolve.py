@@ -9,7 +9,7 @@ from pipeline.models.symbolic.knowledge import ROOM_SIGNS, STRUCTURE, WEAK_SIGNS
 from pipeline.models.symbolic.lexicon import NEAR_COLORS
 from pipeline.models.symbolic.perceive import Thing, View
 from pipeline.models.symbolic.phrases import Link, Phrase
-from pipeline.models.symbolic.relations import DEGREES, between, gap_m
+from pipeline.models.symbolic.relations import DEGREES, between, gap_m, gaps_m
 from pipeline.models.symbolic.states import state_of
 
 SURE = 0.75
@@ -42,6 +42,7 @@ SAME_ROOM_M = 3.0
 MAX_DEPTH = 3
 """Anchors of anchors followed this far."""
 _ANY_SIGN = frozenset[str]().union(*ROOM_SIGNS.values())
+_ROOMS_OF = {kind: tuple(room for room, signs in ROOM_SIGNS.items() if kind in signs) for kind in _ANY_SIGN}
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +73,7 @@ def resolve(phrase: Phrase, view: View, depth: int = 0) -> list[Match]:
         depth: How many links led here.
     """
     found = []
+    ends = [_ends(link, view, depth) for link in phrase.links] if depth < MAX_DEPTH else []
     for index in candidates(phrase, view):
         thing = view.things[index]
         fit = 1.0 if thing.clear else UNCERTAIN
@@ -83,8 +85,8 @@ def resolve(phrase: Phrase, view: View, depth: int = 0) -> list[Match]:
             * _room_fit(phrase.room, view, index)
         )
         measure = None
-        for link in phrase.links:
-            degree, distance = _link_fit(link, view, index, depth)
+        for link, (anchors, others) in zip(phrase.links, ends, strict=False):
+            degree, distance = _link_fit(link, view, index, anchors, others)
             fit *= degree
             measure = distance if distance is not None else measure
         if phrase.extreme:
@@ -132,9 +134,8 @@ def room_of(view: View, index: int | None = None) -> str:
     """
     votes = dict.fromkeys(ROOM_SIGNS, 0.0)
     for thing in _about(view, index):
-        for room, signs in ROOM_SIGNS.items():
-            if thing.kind in signs:
-                votes[room] += (0.5 if thing.kind in WEAK_SIGNS else 1.0) + thing.share
+        for room in _ROOMS_OF.get(thing.kind, ()):
+            votes[room] += (0.5 if thing.kind in WEAK_SIGNS else 1.0) + thing.share
     best = sorted(votes.items(), key=lambda item: -item[1])
     return best[0][0] if best[0][1] > best[1][1] else ""
 
@@ -148,7 +149,8 @@ def _about(view: View, index: int | None) -> Sequence[Thing]:
     """Through a doorway one sees another room: what is far from a thing says nothing of where it is."""
     if index is None:
         return view.things
-    return [thing for other, thing in enumerate(view.things) if gap_m(view, other, index) <= SAME_ROOM_M]
+    gaps = gaps_m(view, index)
+    return [thing for thing, gap in zip(view.things, gaps, strict=True) if gap <= SAME_ROOM_M]
 
 
 def _color_fit(colors: Sequence[str], thing: Thing) -> float:
@@ -177,16 +179,23 @@ def _room_fit(room: str, view: View, index: int) -> float:
     return OTHER_ROOM if others > 1 else NO_SIGN
 
 
-def _link_fit(link: Link, view: View, index: int, depth: int) -> tuple[float, float | None]:
+def _ends(link: Link, view: View, depth: int) -> tuple[list[Match], list[Match]]:
+    """Return what a link may lead to, and the second end of "between"."""
+    anchors = resolve(link.anchor, view, depth + 1)
+    if link.relation != "between" or link.other is None:
+        return anchors, anchors
+    return anchors, resolve(link.other, view, depth + 1)
+
+
+def _link_fit(
+    link: Link, view: View, index: int, ends: Sequence[Match], others: Sequence[Match]
+) -> tuple[float, float | None]:
     """Return how well a thing stands to the best anchor, and its distance where that is asked for."""
-    if depth >= MAX_DEPTH:
-        return 1.0, None
-    anchors = [m for m in resolve(link.anchor, view, depth + 1) if m.index != index]
+    anchors = [m for m in ends if m.index != index]
     if not anchors:
         return UNSEEN, None
     if link.relation == "between":
-        ends = resolve(link.other, view, depth + 1) if link.other is not None else anchors
-        pairs = [(b.index, c.index) for b in anchors for c in ends if len({b.index, c.index, index}) == 3]
+        pairs = [(b.index, c.index) for b in anchors for c in others if len({b.index, c.index, index}) == 3]
         if not pairs:
             return UNSEEN, None
         return max(RELATION_WRONG, *(between(view, index, b, c) for b, c in pairs)), None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float
 
-from pipeline.models.symbolic.components import jump_limit
+from pipeline.models.symbolic.components import JUMP_M, JUMP_PER_M
 
 DENT_M = 0.08
 """Surface this far behind the line across a thing is a look inside it; panels and handles stand out less."""
@@ -26,15 +26,13 @@ def free_edges(mask: Bool[np.ndarray, "h w"], depth_m: Float[np.ndarray, "h w"])
         mask: Pixels of the leaf, with at least one pixel of margin where the image goes on.
         depth_m: z-depth of the same pixels, metres.
     """
-    limit = jump_limit(depth_m)
+    from pipeline.models.symbolic.outline_kernels import free_edge
+
     shares = []
-    for inner, outer in ((slice(1, None), slice(None, -1)), (slice(None, -1), slice(1, None))):
-        edge = mask[:, inner] & ~mask[:, outer] & (depth_m[:, outer] > 0)
-        step = depth_m[:, outer] - depth_m[:, inner]
-        seen = edge & (step > -limit[:, inner])
-        rows = np.count_nonzero(mask.any(axis=1))
-        if np.count_nonzero(seen) >= EDGE_SHARE * rows:
-            shares.append(float((step[seen] > 2.0 * limit[:, inner][seen]).mean()))
+    for inward in (1, -1):
+        free, seen, rows = free_edge(mask, depth_m, inward, np.float32(JUMP_M), np.float32(JUMP_PER_M))
+        if seen >= EDGE_SHARE * rows:
+            shares.append(free / seen)
     return tuple(shares)
 
 
