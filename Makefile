@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: help setup demo test test-slow lint format types
+.PHONY: help setup demo test test-slow chaos lint format types
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/'
@@ -24,6 +24,11 @@ test: lint types  ## lint, types and the default tests
 
 test-slow: $(READY)  ## the tests that take minutes
 	$(BIN)/python -m pytest -m slow --timeout=1800
+
+chaos: $(READY)  ## every fault done to whole runs; fills the table of docs/reliability.md
+	rm -f build/chaos.jsonl && mkdir -p build
+	CHAOS_OUTPUT=build/chaos.jsonl $(BIN)/python -m pytest -m chaos --timeout=900
+	$(BIN)/python -m tests.jobs.chaos.table build/chaos.jsonl
 
 lint: $(READY)  ## style
 	$(BIN)/ruff check .

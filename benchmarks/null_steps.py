@@ -126,7 +126,7 @@ def tables(rows: dict[str, tuple[Any, ...]]) -> Tables:
     return rows
 
 
-def failed_rows(question: Question, error: Exception) -> dict[str, tuple[Any, ...]]:
+def failed_rows(question: Question, error: Exception, method: Any = None) -> dict[str, tuple[Any, ...]]:
     """Let a failure end the benchmark."""
     raise error
 

@@ -36,10 +36,17 @@ def _section(path: str, model: type[BaseModel], queue: list[tuple[str, Any]]) ->
     lines += ["| field | default | meaning |", "|---|---|---|"]
     for name, field in model.model_fields.items():
         nested = _nested(field.annotation)
-        place = f"{path}.{name}" if path else name
-        if nested is not None:
-            map_key = "" if nested is field.annotation else ".NAME"
-            queue.append((place + map_key, nested))
+        place = f"{path.partition(', kind ')[0]}.{name}" if path else name
+        if len(nested) > 1:  # methods: the paper's first, by its place alone
+            kinds = [model.model_fields["kind"].default for model in nested]
+            queue += [
+                (place if number == 0 else f"{place}, kind {kind}", model)
+                for number, (kind, model) in enumerate(zip(kinds, nested, strict=True))
+            ]
+            default = "see below"
+        elif nested:
+            map_key = "" if nested[0] is field.annotation else ".NAME"
+            queue.append((place + map_key, nested[0]))
             default = "see below"
         else:
             default = "required" if field.is_required() else f"`{_plain(field)}`"
@@ -47,12 +54,10 @@ def _section(path: str, model: type[BaseModel], queue: list[tuple[str, Any]]) ->
     return "\n".join([*lines, ""])
 
 
-def _nested(annotation: Any) -> type[BaseModel] | None:
-    """Return the model a field holds, by itself or as the values of a map."""
-    for candidate in (annotation, *getattr(annotation, "__args__", ())):
-        if isinstance(candidate, type) and issubclass(candidate, BaseModel):
-            return candidate
-    return None
+def _nested(annotation: Any) -> list[type[BaseModel]]:
+    """Return the models a field holds: one by itself or as the values of a map, or several to choose from."""
+    candidates = (annotation, *getattr(annotation, "__args__", ()))
+    return [one for one in candidates if isinstance(one, type) and issubclass(one, BaseModel)]
 
 
 def _plain(field: Any) -> str:

@@ -16,6 +16,7 @@ from jobs.verbs import (
     demo,
     export,
     index,
+    label,
     plan,
     render,
     report,
@@ -23,6 +24,7 @@ from jobs.verbs import (
     retry,
     status,
     submit,
+    table,
     verify,
 )
 from schemas.errors import InputError, SplatReasonerError
@@ -40,6 +42,7 @@ app = typer.Typer(
 VERBS: dict[str, Callable[..., None]] = {
     "demo": demo.demo,
     "build": build.build,
+    "label": label.label,
     "check": check.check,
     "render": render.render,
     "index": index.index,
@@ -53,6 +56,7 @@ VERBS: dict[str, Callable[..., None]] = {
     "aggregate": aggregate.aggregate,
     "compare": compare.compare,
     "export": export.export,
+    "table": table.table,
     "report": report.report,
 }
 """Verbs in the order in which a person meets them."""

@@ -6,18 +6,23 @@ A job file is YAML. Paths in it are relative to the file itself, so a job runs t
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from jobs.yaml_file import read_yaml
+from pipeline.baselines.config import AnyMethod
 from pipeline.config import MethodConfig
 from pipeline.models.budget import BudgetConfig
 from pipeline.models.config import ModelConfig
 from schemas import storage
 from schemas.errors import InputError
 from schemas.questions import TASKS, Task
+
+DEFAULT_METHOD = "splatreasoner"
+"""Kind of a method whose fields name none."""
 
 IN_SCENE = "scene"
 """Value of `questions` that takes each scene's own file."""
@@ -100,9 +105,16 @@ class JobConfig(BaseModel):
         description="hard caps on what the run may spend; at a cap it ends and can be resumed with a higher one",
     )
     images: bool = Field(True, description="keep a thumbnail of every view that was considered, for the report")
-    method: MethodConfig = Field(default_factory=MethodConfig, description="the method's stages and their settings")
+    method: AnyMethod = Field(
+        default_factory=MethodConfig, description="the method, by its kind, and its settings; the paper's by default"
+    )
     models: ModelConfig = Field(default_factory=ModelConfig, description="the models and which stage asks which")
     workers: WorkersConfig = Field(default_factory=WorkersConfig, description="how wide the run goes")
+
+    @field_validator("method", mode="before")
+    @classmethod
+    def _papers_method_needs_no_kind(cls, value: Any) -> Any:
+        return {"kind": DEFAULT_METHOD, **value} if isinstance(value, dict) else value
 
     @field_validator("scenes", mode="before")
     @classmethod
@@ -140,15 +152,28 @@ def load_job(path: str | Path) -> JobConfig:
         InputError: The file is missing, is not YAML or has a wrong field. When several are wrong the first is the
             message and the others are its notes.
     """
-    found = read_yaml(path)
-    folder = Path(path).resolve().parent
+    return checked_job(anchored_paths(read_yaml(path), Path(path).resolve().parent), path)
+
+
+def anchored_paths(job: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Return fields of a job file with their paths made absolute.
+
+    Args:
+        job: Parsed YAML, of a whole job or of some of its fields.
+        folder: What relative paths are relative to.
+    """
+    found = dict(job)
     for field in ("output", "questions", "scenes", "calls", "visibility"):
         if field in found and not (field == "questions" and found[field] == IN_SCENE):
             found[field] = _anchored(found[field], folder)
     models = found.get("models")
     if isinstance(models, dict) and "prompts" in models:
         found["models"] = {**models, "prompts": _anchored(models["prompts"], folder)}
-    return checked_job(found, path)
+    method = found.get("method")
+    if isinstance(method, dict):
+        files = {name: _anchored(method[name], folder) for name in ("file", "texts") if name in method}
+        found["method"] = {**method, **files}
+    return found
 
 
 def checked_job(found: Any, subject: object) -> JobConfig:
@@ -160,7 +185,7 @@ def checked_job(found: Any, subject: object) -> JobConfig:
     try:
         return JobConfig.model_validate(found)
     except ValidationError as error:
-        first, *others = [_input_error(subject, detail) for detail in error.errors()]
+        first, *others = [input_error(subject, detail) for detail in error.errors()]
         for other in others:
             first.add_note(str(other))
         raise first from None
@@ -174,11 +199,16 @@ def _anchored(value: Any, folder: Path) -> Any:
     return os.path.normpath(folder / Path(value).expanduser())
 
 
-def _input_error(subject: object, detail: Any) -> InputError:
-    """Turn one of pydantic's findings into a line that names file, field, expected and found."""
-    place, kind = [str(part) for part in detail["loc"]], detail["type"]
+def input_error(subject: object, detail: Any, root: type[BaseModel] = JobConfig) -> InputError:
+    """Turn one of pydantic's findings about `root` into a line that names file, field, expected and found."""
+    place, kind = _place(root, detail["loc"]), detail["type"]
+    if kind == "union_tag_invalid":
+        tags = detail["ctx"]["expected_tags"].replace("'", "")
+        return InputError(
+            subject, field=".".join([*place, "kind"]), expected=f"one of {tags}", found=detail["ctx"]["tag"]
+        )
     if kind == "extra_forbidden":
-        known = ", ".join(_fields_at(detail["loc"][:-1])) or "a known field"
+        known = ", ".join(_fields_at(root, detail["loc"][:-1])) or "a known field"
         return InputError(
             subject, field=".".join(place[:-1]) or "top level", expected=f"one of {known}", found=place[-1]
         )
@@ -191,12 +221,30 @@ def _input_error(subject: object, detail: Any) -> InputError:
     )
 
 
-def _fields_at(place: tuple[Any, ...]) -> list[str]:
-    """Return the fields of the model at a place in JobConfig; none where the place is inside a list or a map."""
-    model: type[BaseModel] = JobConfig
+def _place(root: type[BaseModel], place: tuple[Any, ...]) -> list[str]:
+    """Return the fields on the way to a place, without the kinds that pydantic puts after a method's field."""
+    return [str(part) for number, part in enumerate(place) if part not in _members(_model_at(root, place[:number]))]
+
+
+def _fields_at(root: type[BaseModel], place: tuple[Any, ...]) -> list[str]:
+    """Return the fields of the model at a place in another; none where the place is inside a list or a map."""
+    found = _model_at(root, place)
+    return list(found.model_fields) if isinstance(found, type) and issubclass(found, BaseModel) else []
+
+
+def _model_at(found: Any, place: tuple[Any, ...]) -> Any:
+    """Return the annotation at a place: a model, a union of methods, or None."""
     for part in place:
-        field = model.model_fields.get(str(part))
-        if field is None or not (isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel)):
-            return []
-        model = field.annotation
-    return list(model.model_fields)
+        if members := _members(found):
+            found = members.get(part)
+        elif isinstance(found, type) and issubclass(found, BaseModel) and str(part) in found.model_fields:
+            found = found.model_fields[str(part)].annotation
+        else:
+            return None
+    return found
+
+
+def _members(annotation: Any) -> dict[str, type[BaseModel]]:
+    """Return the models of a union by their kind; none of anything else."""
+    models = [one for one in get_args(annotation) if isinstance(one, type) and issubclass(one, BaseModel)]
+    return {one.model_fields["kind"].default: one for one in models if "kind" in one.model_fields}

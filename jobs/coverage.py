@@ -26,8 +26,10 @@ SCORED = (
     "status",
     "frames",
     "mark",
+    "predicted",
     "targets",
     "iou",
+    "pair_ious",
     "answer",
 )
 """Columns of table `arms` that scores need."""

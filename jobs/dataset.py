@@ -76,14 +76,14 @@ def scene_sha256(uri: str) -> str:
     if not names:
         raise InputError(uri, expected="a scene folder with files", found="no file")
     with ThreadPoolExecutor(READERS) as pool:
-        digests = list(pool.map(lambda name: _file_sha256(storage.join(uri, name) if name else uri), names))
+        digests = list(pool.map(lambda name: file_sha256(storage.join(uri, name) if name else uri), names))
     whole = hashlib.sha256()
     for name, digest in zip(names, digests, strict=True):
         whole.update(f"{digest} {name}\n".encode())
     return whole.hexdigest()
 
 
-def _file_sha256(uri: str) -> str:
+def file_sha256(uri: str) -> str:
     path = storage.local_path(uri)
     if path is None:
         return hashlib.sha256(storage.read_bytes(uri)).hexdigest()

@@ -16,7 +16,7 @@ import math
 import statistics
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from jobs.config import JobConfig
 from jobs.drive import BATCHES_PER_CPU
@@ -133,6 +133,7 @@ def forecast(
     units = tuple(plan_units(config.model_copy(update={"cache": "replay"}), subject, notes.append))
     strata = [_spread(found) for found in _by_task(units).values()]
     questions = sum(map(len, strata))
+    sharing = Counter((unit.scene_uri, question.task) for unit in units for question in unit.questions)
     trials, tried = Trials(config, steps), [list[Tried]() for _ in strata]
     known = _Known(config, strata, tried)
     most = min(questions, MOST_SAMPLED if sample is None else sample)
@@ -140,7 +141,8 @@ def forecast(
     shown.begin(most, 0)
     while True:
         for number, (unit, question) in _next(strata, tried, count):
-            tried[number].append(trials.of(unit, question))
+            one = trials.of(unit, question)
+            tried[number].append(_shared(one, sharing[unit.scene_uri, question.task]))
             shown.advance("")
         if count == most or known.well():
             break
@@ -169,6 +171,15 @@ def forecast(
         waiting_s=rounds * seconds_a_call / in_flight,
         notes=(*notes, *_repeats(units), *(f"{uri} will fail: {why}" for uri, why in trials.unusable.items())),
     )
+
+
+def _shared(one: Tried, questions: int) -> Tried:
+    """Spread what a scene's first question alone pays for, its descriptions, over all that ask for the same ones."""
+    count = one.stages.get("caption")
+    if count is None:
+        return one
+    share = StageCount(count.calls / questions, count.prompt_tokens / questions, count.completion_tokens / questions)
+    return replace(one, stages={**one.stages, "caption": share})
 
 
 def _repeats(units: Sequence[PlannedUnit]) -> list[str]:

@@ -11,6 +11,7 @@ import pandas as pd
 
 _LATEX = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
 _LATEX |= {sign: f"\\{sign}" for sign in "&%$#_{}"}
+_LATEX |= {"…": r"\dots{}", "±": r"$\pm$", "–": "--"}
 
 
 def to_records(frame: pd.DataFrame) -> list[dict[str, Any]]:

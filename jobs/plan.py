@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from jobs.config import JobConfig
-from jobs.dataset import PlannedScene, load_dataset
+from jobs.dataset import PlannedScene, file_sha256, load_dataset
 from jobs.versions import STAGES
+from pipeline.baselines.config import AnyMethod, files_of
 from pipeline.models.clients import make_clients
 from pipeline.models.config import STAGES as MODEL_STAGES
 from pipeline.models.config import ModelConfig
@@ -19,9 +20,6 @@ from pipeline.models.prompts import Prompts
 from schemas.plan import PlannedUnit
 from schemas.questions import Question
 from schemas.tables import TABLES
-
-METHOD = "splatreasoner"
-"""Name of the paper's method in rows; baselines have others."""
 
 ID_LENGTH = 32
 """Hex digits of a unit id: 128 bits, no collision at any number of units."""
@@ -81,7 +79,26 @@ def plan_units(
     """
     dataset, basis = load_dataset(config, subject, warn), dataclasses.asdict(basis_of(config))
     parts = ((scene, part) for scene in dataset.scenes() for part in _chunks(scene.questions, config.workers.chunk))
-    return (_unit(index, scene, part, basis) for index, (scene, part) in enumerate(parts))
+    files = _Files(config.method)
+    return (_unit(index, scene, part, files, basis) for index, (scene, part) in enumerate(parts))
+
+
+class _Files:
+    """Hashes of the files beside the scenes that a method reads, each taken once."""
+
+    def __init__(self, method: AnyMethod) -> None:
+        self.method, self._hashes = method, dict[str, str]()
+
+    def sha256(self, scene: str, questions: tuple[Question, ...]) -> list[str]:
+        """Return those of a unit.
+
+        Raises:
+            InputError: One is missing.
+        """
+        uris = {uri for question in questions for uri in files_of(self.method, scene, question.question_id)}
+        for uri in uris - set(self._hashes):
+            self._hashes[uri] = file_sha256(uri)
+        return [self._hashes[uri] for uri in sorted(uris)]
 
 
 def _chunks(questions: tuple[Question, ...], size: int) -> Iterator[tuple[Question, ...]]:
@@ -89,16 +106,20 @@ def _chunks(questions: tuple[Question, ...], size: int) -> Iterator[tuple[Questi
         yield questions[start : start + size]
 
 
-def _unit(index: int, scene: PlannedScene, questions: tuple[Question, ...], basis: dict[str, Any]) -> PlannedUnit:
+def _unit(
+    index: int, scene: PlannedScene, questions: tuple[Question, ...], files: _Files, basis: dict[str, Any]
+) -> PlannedUnit:
+    method, read = files.method.kind, files.sha256(scene.name, questions)
     content = {
         "scene": scene.sha256,
         "name": scene.name,
         "questions": [{name: getattr(question, name) for name in _QUESTION_FIELDS} for question in questions],
         "basis": basis,
-        "as": METHOD,
+        "as": method,
+        **({"files": read} if read else {}),
     }
     unit_id = content_id(content)[:ID_LENGTH]
-    return PlannedUnit(unit_id, index, scene.name, scene.uri, scene.sha256, METHOD, questions)
+    return PlannedUnit(unit_id, index, scene.name, scene.uri, scene.sha256, method, questions)
 
 
 def content_id(content: Any) -> str:

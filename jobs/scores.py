@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, get_args
 
 import numpy as np
@@ -13,6 +14,7 @@ from jaxtyping import Float64
 
 from pipeline.metrics.accuracy import accuracy_at
 from pipeline.metrics.llm_match import match_score
+from pipeline.metrics.multi_target import F1_PERCENTS, count_error, f1_score, zero_target_score
 from pipeline.metrics.significance import Interval, bootstrap_interval, permutation_p
 from schemas.answers import Status
 from schemas.errors import InputError
@@ -25,7 +27,13 @@ PAIRS = (("initial", "final"), ("final", "verified"), ("initial", "verified"))
 """Arms compared question by question: what novel views add, what verification adds, and both."""
 
 IOU_METRIC = {"ground_one": "miou", "ground_many": "instance_miou"}
-"""What the IoU of a grounding task is called; the other metrics are llm_match, acc@k and frames."""
+"""What the IoU of a grounding task is called; the other metrics are llm_match, acc@k, `MATCHED` and `COUNTED`."""
+
+MATCHED = (*(f"f1@{percent}" for percent in F1_PERCENTS), "zero_target")
+"""Of ground_many, 0 to 100: Multi3DRefer's F1, and accuracy on the questions without targets alone."""
+
+COUNTED = ("count_error", "frames")
+"""Not of 0 to 100: instances too many or too few (ground_many), and views given to the model."""
 
 STATUSES: tuple[Status, ...] = get_args(Status)
 
@@ -96,13 +104,37 @@ def score_rows(arms: pd.DataFrame, answers: pd.DataFrame, thresholds: Sequence[f
     for task, metric in IOU_METRIC.items():
         rows = base[base["task"] == task]
         pieces.append(_metric(rows, metric, 100 * ious))
+        if task == "ground_many":
+            pieces += _matched(rows, arms)
         for k in thresholds:
             hits = ious.map(lambda iou, k=k: np.nan if np.isnan(iou) else 100 * accuracy_at([iou], k))
             pieces.append(_metric(rows, f"acc@{k:g}", hits))
     pieces.append(_metric(base, "frames", frames))
     rows = pd.concat(pieces, ignore_index=True).drop(columns="frames")
-    order = ["llm_match", *IOU_METRIC.values(), *(f"acc@{k:g}" for k in thresholds), "frames"]
+    order = ["llm_match", *IOU_METRIC.values(), *(f"acc@{k:g}" for k in thresholds), *MATCHED, *COUNTED]
     return rows.assign(metric=pd.Categorical(rows["metric"], list(dict.fromkeys(order)), ordered=True))
+
+
+def _matched(rows: pd.DataFrame, arms: pd.DataFrame) -> Iterator[pd.DataFrame]:
+    """Scores of ground_many that need the instances apart; unscored where the pairs of an older run are unknown."""
+    counts = arms.loc[rows.index, ["predicted", "targets"]]
+    pairs = arms["pair_ious"].reindex(rows.index) if "pair_ious" in arms else pd.Series(None, rows.index, dtype=object)
+    known = {index: (int(found), int(wanted)) for index, found, wanted in counts.dropna().itertuples()}
+
+    def scored(of: Callable[[Any, int, int], float]) -> pd.Series[float]:
+        found = {index: of(index, *pair) for index, pair in known.items()}
+        return pd.Series(found, dtype=np.float64).reindex(rows.index)
+
+    def f1(index: Any, predicted: int, targets: int, percent: float) -> float:
+        ious = () if targets == 0 else pairs[index]
+        told = isinstance(ious, tuple | list | np.ndarray)
+        return 100 * f1_score([*map(float, ious)], predicted, targets, percent) if told else np.nan
+
+    for percent in F1_PERCENTS:
+        yield _metric(rows, f"f1@{percent}", scored(partial(f1, percent=percent)))
+    without = rows[counts["targets"].eq(0).fillna(False).astype(bool)]
+    yield _metric(without, "zero_target", scored(lambda _, predicted, targets: 100 * zero_target_score(predicted)))
+    yield _metric(rows, "count_error", scored(lambda _, predicted, targets: count_error(predicted, targets)))
 
 
 def _metric(rows: pd.DataFrame, name: str, scores: pd.Series[float]) -> pd.DataFrame:
@@ -130,9 +162,9 @@ def summarise(scores: pd.DataFrame, by: Sequence[str], options: Options) -> pd.D
         found.append(
             {
                 **dict(zip([*by, "metric"], key, strict=True)),
-                **_ends(values, group["scene"], key, options),
+                **scored_ends(values, group["scene"], key, options),
                 "scored": int(np.isfinite(values).sum()),
-                "mean_zero": float(np.nansum(values)) / ended if ended and key[-1] != "frames" else None,
+                "mean_zero": float(np.nansum(values)) / ended if ended and key[-1] not in COUNTED else None,
                 "questions": len(group),
                 **{status: statuses.count(status) for status in (*STATUSES, PENDING)},
                 "no_reference": len(group) - int(known.sum()),
@@ -147,11 +179,11 @@ def compare(scores: pd.DataFrame, options: Options) -> pd.DataFrame:
     """Return the mean difference of each pair of arms, on the questions scored in both.
 
     Args:
-        scores: From `score_rows`; frames are left out.
+        scores: From `score_rows`; `COUNTED` are left out.
         options: Level and draws.
     """
     found = []
-    for key, group in _groups(scores[scores["metric"] != "frames"], ["method", "task", "metric"]):
+    for key, group in _groups(scores[~scores["metric"].isin(COUNTED)], ["method", "task", "metric"]):
         wide = group.pivot(index="question_id", columns="arm", values="score")
         scenes = group.drop_duplicates("question_id").set_index("question_id")["scene"].reindex(wide.index)
         for first, second in PAIRS:
@@ -189,7 +221,7 @@ def paired(
         (`p`) and by flipping whole scenes (`p_scenes`), and in how many b is higher, lower and the same.
     """
     return {
-        **_ends(b - a, scenes, key, options),
+        **scored_ends(b - a, scenes, key, options),
         "scored": int(np.isfinite(b - a).sum()),
         "p": permutation_p(a, b, _rng(options.seed, (*key, "p"))),
         "p_scenes": permutation_p(a, b, _rng(options.seed, (*key, "p", "scenes")), scenes=scenes.tolist()),
@@ -205,10 +237,10 @@ def in_order(found: pd.Series[str], known: Sequence[str]) -> list[str]:
     return [name for name in known if name in names] + sorted(names - set(known))
 
 
-def _ends(
+def scored_ends(
     values: Float64[np.ndarray, "n"], scenes: pd.Series[str], key: tuple[Any, ...], options: Options
 ) -> dict[str, Any]:
-    """The mean of the finite values, its interval over scenes and questions, and the one over questions alone."""
+    """Return the columns `_ENDS`: the mean of the finite values, its interval over scenes, and over questions alone."""
     scored = np.isfinite(values)
     names = scenes.to_numpy(object)[scored].tolist()
 

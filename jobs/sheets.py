@@ -8,15 +8,23 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from jobs.scores import ARMS, IOU_METRIC, PENDING, STATUSES, in_order
+from jobs.scores import ARMS, COUNTED, IOU_METRIC, MATCHED, PENDING, STATUSES, in_order
 
 if TYPE_CHECKING:
     from rich.table import Table
 
 TASK_NAMES = {"eqa": "Question answering", "ground_one": "Grounding, one target", "ground_many": "Grounding, many"}
-METRIC_NAMES = {"llm_match": "LLM-Match", "miou": "3D mIoU", "instance_miou": "instance mIoU", "frames": "frames"}
+METRIC_NAMES = {
+    "llm_match": "LLM-Match",
+    "miou": "3D mIoU",
+    "instance_miou": "instance mIoU",
+    "zero_target": "zero-target",
+    "count_error": "count error",
+}
 MAIN_METRICS = ("llm_match", *IOU_METRIC.values())
 """The one score of each task."""
+MATCHING = (*MATCHED, "count_error")
+"""Scores of the sheet on matched instances."""
 
 SCENES_SHOWN = 30
 """Rows of the table by scene in the terminal and in the report; the frame holds all."""
@@ -50,6 +58,7 @@ def make_sheets(tables: Mapping[str, pd.DataFrame]) -> list[Sheet]:
     arms, differences = tables["arms"], tables["differences"]
     sheets = [
         *(_ablation(arms[arms["task"] == task], str(task)) for task in TASK_NAMES),
+        _matching(arms[arms["task"] == "ground_many"]),
         _differences(differences),
         _denominators(arms[arms["metric"].isin(MAIN_METRICS)]),
         *(_grouped(tables["by_category"], str(task), "category", "Category") for task in TASK_NAMES),
@@ -117,7 +126,7 @@ def print_tables(tables: Mapping[str, pd.DataFrame], *, by_scene: bool = False) 
 
 def metric_name(metric: str) -> str:
     """Return a metric's name for people."""
-    return METRIC_NAMES.get(metric, metric.replace("acc@", "Acc@"))
+    return METRIC_NAMES.get(metric, metric.replace("acc@", "Acc@").replace("f1@", "F1@"))
 
 
 def interval(row: Any, low: str = "low", high: str = "high") -> str:
@@ -127,7 +136,7 @@ def interval(row: Any, low: str = "low", high: str = "high") -> str:
 
 def _ablation(arms: pd.DataFrame, task: str) -> Sheet:
     rows = []
-    metrics = [metric for metric in arms["metric"].unique() if metric != "frames"]
+    metrics = [metric for metric in arms["metric"].unique() if metric not in (*MATCHED, *COUNTED)]
     for (method, arm), group in arms.groupby(["method", "arm"], sort=False):
         by_metric = group.set_index("metric")
         main = by_metric.loc[metrics[0]]
@@ -156,6 +165,24 @@ def _ablation(arms: pd.DataFrame, task: str) -> Sheet:
         )
         note += "speaks of other scenes."
     return Sheet(f"arms-{task}", f"{TASK_NAMES[task]}: ablation", note, tuple(columns), tuple(rows), len(first) + 1)
+
+
+def _matching(arms: pd.DataFrame) -> Sheet:
+    rows = []
+    for (method, arm), group in arms.groupby(["method", "arm"], sort=False):
+        by_metric = group.set_index("metric")
+        cells = [
+            _number(by_metric.loc[name]["mean"], digits) if name in by_metric.index else "–"
+            for name, digits in zip(MATCHING, (1, 1, 1, 2), strict=True)
+        ]
+        zero = f"{by_metric.loc['zero_target']['scored']}" if "zero_target" in by_metric.index else "0"
+        scored = by_metric.loc[MATCHING[0]]
+        rows.append((*_method(arms, method), str(arm), *cells, zero, f"{scored['scored']} of {scored['questions']}"))
+    first = _method_column(arms)
+    columns = (*first, "Arm", *map(metric_name, MATCHING), "without targets", "scored")
+    note = "Multi3DRefer's F1 of instances matched at an IoU of 25 % and 50 %, its accuracy on questions without "
+    note += "targets, and by how many instances the count is wrong."
+    return Sheet("matching", "Grounding, many: matched instances", note, columns, tuple(rows), len(first) + 1)
 
 
 def _differences(differences: pd.DataFrame) -> Sheet:

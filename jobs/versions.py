@@ -18,9 +18,10 @@ STAGES = {
     "judge": 2,
     "verify": 2,
     "answer": 2,
-    "ground": 1,
+    "ground": 2,
     "symbolic": 1,
     "scores": 1,
+    "baselines": 1,
 }
 """Raise a stage's number with every change that can change an answer or a score: unit ids depend on it."""
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import BaseModel, ConfigDict, Field
 
 from pipeline.query.activate import ActivationConfig
@@ -20,6 +22,7 @@ class MethodConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
+    kind: Literal["splatreasoner"] = Field(default="splatreasoner", description="The method: the paper's.")
     evidence: EvidenceConfig = Field(default_factory=EvidenceConfig, description="Evidence categories (paper 3.1).")
     activation: ActivationConfig = Field(default_factory=ActivationConfig, description="Gaussian search (paper 3.1).")
     clustering: ClusterConfig = Field(default_factory=ClusterConfig, description="Clusters (paper 3.1).")
@@ -30,4 +33,4 @@ class MethodConfig(BaseModel):
     novel_views: NovelViewConfig = Field(default_factory=NovelViewConfig, description="Novel views (paper 3.2).")
     images: ImageConfig = Field(default_factory=ImageConfig, description="What the models are shown (paper 3.4).")
     judging: JudgeConfig = Field(default_factory=JudgeConfig, description="Verification and marks (paper 3.3).")
-    grounding: GroundingConfig = Field(default_factory=GroundingConfig, description="Frustum rule (paper 3.4).")
+    grounding: GroundingConfig = Field(default_factory=GroundingConfig, description="Regions (paper 3.4).")

@@ -97,6 +97,8 @@ class ArmRow:
     """Gaussians in the predicted region."""
     pair_ious: tuple[float, ...] | None = None
     """IoU of each instance assigned to a target (ground_many, scored); null elsewhere and in parts of version 1."""
+    region: str = ""
+    """Rule that cut the regions (grounding by views), such as frustum; frustum in parts before version 3."""
 
 
 ANSWERS = TableSpec(
@@ -130,7 +132,7 @@ ANSWERS = TableSpec(
 
 ARMS = TableSpec(
     name="arms",
-    version=2,
+    version=3,
     record=ArmRow,
     key=("method", "question_id", "arm"),
     columns={
@@ -153,6 +155,7 @@ ARMS = TableSpec(
         "iou": "float64?",
         "region_gaussians": "int64?",
         "pair_ious": "list<float64>?",
+        "region": "string",
     },
-    added={"pair_ious": Added(2)},
+    added={"pair_ious": Added(2), "region": Added(3, "frustum")},
 )

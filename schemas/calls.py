@@ -76,9 +76,11 @@ class RegionRow:
     instance: int
     """Predicted instance, 0-based."""
     view: str
-    """Candidate id whose frustum cut it."""
+    """Candidate id of the view that grounds it."""
     gaussians: tuple[int, ...]
     """Sorted indices into the scene's Gaussians."""
+    rule: str = ""
+    """Region rule that cut it, such as frustum; frustum in parts of version 1."""
 
 
 CALLS = TableSpec(
@@ -118,7 +120,7 @@ TIMINGS = TableSpec(
 
 REGIONS = TableSpec(
     name="regions",
-    version=1,
+    version=2,
     record=RegionRow,
     key=("question_id", "arm", "instance"),
     columns={
@@ -128,5 +130,7 @@ REGIONS = TableSpec(
         "instance": "int32",
         "view": "string",
         "gaussians": "list<int32>",
+        "rule": "string",
     },
+    added={"rule": Added(2, "frustum")},
 )

@@ -23,6 +23,7 @@ PIPELINE_ORDER = {
     "construct": {"geometry", "scene", "render"},
     "query": {"geometry", "scene", "datasets", "render", "models"},
     "tasks": {"geometry", "scene", "datasets", "render", "models", "metrics", "query"},
+    "baselines": {"geometry", "scene", "datasets", "render", "construct", "models", "metrics", "query", "tasks"},
 }
 """Subpackages of pipeline, and the others each may import."""
 

@@ -71,7 +71,7 @@ class InProcess:
 
     def failed(self, question: Question, error: Exception) -> Tables:
         """Return the records of a failed question."""
-        return self._steps.tables(self._steps.failed_rows(question, error))
+        return self._steps.tables(self._steps.failed_rows(question, error, self._work.method))
 
     def close(self) -> None:
         """End the loop; cancelled questions get to unwind first."""

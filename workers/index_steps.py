@@ -51,8 +51,8 @@ class IndexPart:
 class Unstored:
     """What the disk lacks of a scene's index."""
 
-    store: VisibilityStore
-    """Where it belongs."""
+    store: VisibilityStore | None
+    """Where it belongs; None where no index is read."""
     views: Sequence[int]
     """Views without a row there."""
 
@@ -67,6 +67,10 @@ class FoundIndex:
     """The rest."""
     damaged: tuple[str, ...]
     """What was wrong with parts that were removed."""
+
+
+NO_INDEX = FoundIndex({}, Unstored(None, ()), ())
+"""What is found for a method that reads no index."""
 
 
 def read_index(scene: Scene, config: MethodConfig, folder: str) -> FoundIndex:
@@ -95,6 +99,7 @@ def index_views(context: SceneContext, config: MethodConfig, unstored: Unstored,
     Nothing is rendered ahead where the config says so.
     """
     views = () if config.visibility.build == "lazy" else unstored.views[part::parts]
+    assert unstored.store is not None
     rows: dict[int, Int32[np.ndarray, "_"]] = {}
     for start in range(0, len(views), VIEWS_A_PART):
         index = context.index(config.visibility)  # prepares the scene, so not before there is a view to render
@@ -108,6 +113,7 @@ def keep_rows(context: SceneContext, config: MethodConfig, unstored: Unstored) -
     """Store the rows that this context has rendered since; return how many."""
     index = context.index(config.visibility)
     held = {view: ids for view in unstored.views if (ids := index.held(view)) is not None}
+    assert unstored.store is not None
     unstored.store.write(held)
     unstored.views = [view for view in unstored.views if view not in held]
     return len(held)

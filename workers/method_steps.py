@@ -1,9 +1,13 @@
-"""The real method behind the seam of `steps.py`. Imports wait until a step runs: the driver needs none of them."""
+"""The real methods behind the seam of `steps.py`. Imports wait until a step runs: the driver needs none of them.
+
+Which method runs is a matter of its config: `pipeline.baselines.registry` has the steps of each.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,12 +18,15 @@ from workers import index_steps
 from workers.steps import Steps, Tables, Work
 
 if TYPE_CHECKING:
+    from pipeline.baselines.config import AnyMethod
     from pipeline.config import MethodConfig
     from pipeline.models.caller import Caller
     from pipeline.models.gate import Gate
+    from pipeline.query.transposed import Transposed
     from pipeline.render import PreparedGaussians
     from pipeline.scene.scene import Scene
-    from pipeline.tasks.method import Decision, Evidence, Proposal, QuestionRows, SceneContext
+    from pipeline.tasks.method import Decision, Evidence, QuestionRows, SceneContext
+    from workers.index_steps import FoundIndex, IndexPart, Unstored
 
 
 def load(uri: str) -> Scene:
@@ -66,44 +73,42 @@ async def close_caller(caller: Caller) -> None:
     await caller.aclose()
 
 
-async def find_evidence(
-    question: Question, vocabulary: tuple[str, ...], caller: Caller, config: MethodConfig
-) -> Evidence:
+async def find_evidence(question: Question, vocabulary: tuple[str, ...], caller: Caller, config: AnyMethod) -> Evidence:
     """Return a question's evidence categories."""
-    from pipeline.tasks.method import find_evidence
+    from pipeline.baselines.registry import steps_of
 
-    return await find_evidence(question, vocabulary, caller, config)
-
-
-def propose(context: SceneContext, question: Question, evidence: Evidence, config: MethodConfig) -> Proposal:
-    """Return a question's candidate views."""
-    from pipeline.tasks.method import propose
-
-    return propose(context, question, evidence, config)
+    return await steps_of(config).find_evidence(question, vocabulary, caller, config)
 
 
-async def decide(question: Question, proposal: Proposal, caller: Caller, config: MethodConfig) -> Decision:
+def propose(context: SceneContext, question: Question, evidence: Evidence, config: AnyMethod) -> Any:
+    """Return a question's candidate views, or what else its method answers from."""
+    from pipeline.baselines.registry import steps_of
+
+    return steps_of(config).propose(context, question, evidence, config)
+
+
+async def decide(question: Question, proposal: Any, caller: Caller, config: AnyMethod) -> Decision:
     """Return what the models decided."""
-    from pipeline.tasks.method import decide
+    from pipeline.baselines.registry import steps_of
 
-    return await decide(question, proposal, caller, config)
+    return await steps_of(config).decide(question, proposal, caller, config)
 
 
 def conclude(
     context: SceneContext,
     question: Question,
     evidence: Evidence,
-    proposal: Proposal,
+    proposal: Any,
     decision: Decision,
-    config: MethodConfig,
+    config: AnyMethod,
 ) -> QuestionRows:
     """Return a question's rows."""
-    from pipeline.tasks.method import conclude
+    from pipeline.baselines.registry import steps_of
 
-    return conclude(context, question, evidence, proposal, decision, config)
+    return steps_of(config).conclude(context, question, evidence, proposal, decision, config)
 
 
-def thumbnails(proposal: Proposal, rows: QuestionRows) -> Mapping[str, Any]:
+def thumbnails(proposal: Any, rows: QuestionRows) -> Mapping[str, Any]:
     """Return the pictures of all candidate views by their path below the run folder."""
     pictures = {
         (group.cluster, candidate.id): proposal.pictures[candidate.picture].color
@@ -121,12 +126,59 @@ def tables(rows: QuestionRows) -> Tables:
     return {name: getattr(rows, name) for name in TABLES}
 
 
-def failed_rows(question: Question, error: Exception) -> QuestionRows:
+def failed_rows(question: Question, error: Exception, config: AnyMethod) -> QuestionRows:
     """Return the rows of a question that ended in an error."""
+    from pipeline.baselines.registry import steps_of
     from pipeline.models.caller import rows_of
-    from pipeline.tasks.method import failed_rows
 
-    return failed_rows(question, error, rows_of(error))
+    return steps_of(config).failed_rows(question, error, rows_of(error))
+
+
+def read_index(scene: Scene, config: AnyMethod, folder: str) -> FoundIndex:
+    """Return what lies on disk of a scene's index; nothing for a method that reads none."""
+    method = _indexed(config)
+    return index_steps.NO_INDEX if method is None else index_steps.read_index(scene, method, folder)
+
+
+def adopt_rows(context: SceneContext, config: AnyMethod, rows: Mapping[int, Any]) -> None:
+    """Take over rows of the index."""
+    if (method := _indexed(config)) is not None:
+        index_steps.adopt_rows(context, method, rows)
+
+
+def keep_rows(context: SceneContext, config: AnyMethod, unstored: Unstored) -> int:
+    """Store the rows that this context has rendered since; return how many."""
+    method = _indexed(config)
+    return 0 if method is None else index_steps.keep_rows(context, method, unstored)
+
+
+def index_views(context: SceneContext, config: AnyMethod, unstored: Unstored, part: int, parts: int) -> IndexPart:
+    """Render and store a part of the missing views."""
+    method = _indexed(config)
+    empty = index_steps.IndexPart.of({})
+    return empty if method is None else index_steps.index_views(context, method, unstored, part, parts)
+
+
+def join_index(scene: Scene, config: AnyMethod, parts: Sequence[IndexPart]) -> Transposed | IndexPart:
+    """Return all rows of the index."""
+    method = _indexed(config)
+    return index_steps.IndexPart.of({}) if method is None else index_steps.join_index(scene, method, parts)
+
+
+def adopt_index(context: SceneContext, config: AnyMethod, joined: Transposed | IndexPart) -> None:
+    """Take over the index."""
+    if (method := _indexed(config)) is not None:
+        index_steps.adopt_index(context, method, joined)
+
+
+@lru_cache(maxsize=16)
+def _indexed(config: AnyMethod) -> MethodConfig | None:
+    """Return a config with the settings of the visibility index that a method reads; None where it reads none."""
+    from pipeline.baselines.registry import steps_of
+    from pipeline.config import MethodConfig
+
+    visibility = steps_of(config).visibility(config)
+    return None if visibility is None else MethodConfig(visibility=visibility)
 
 
 METHOD_STEPS = Steps(
@@ -134,12 +186,12 @@ METHOD_STEPS = Steps(
     vocabulary=vocabulary,
     prepare=prepare,
     open_context=open_context,
-    read_index=index_steps.read_index,
-    adopt_rows=index_steps.adopt_rows,
-    keep_rows=index_steps.keep_rows,
-    index_views=index_steps.index_views,
-    join_index=index_steps.join_index,
-    adopt_index=index_steps.adopt_index,
+    read_index=read_index,
+    adopt_rows=adopt_rows,
+    keep_rows=keep_rows,
+    index_views=index_views,
+    join_index=join_index,
+    adopt_index=adopt_index,
     make_caller=make_caller,
     close_caller=close_caller,
     find_evidence=find_evidence,
@@ -150,4 +202,4 @@ METHOD_STEPS = Steps(
     tables=tables,
     failed_rows=failed_rows,
 )
-"""The paper's method."""
+"""The paper's method and the baselines."""

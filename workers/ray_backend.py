@@ -108,7 +108,7 @@ class OnRay:
         slots: int,
         note: Callable[..., None] = lambda kind, **details: None,
     ) -> None:
-        self._steps, self._slots, self._note = steps, slots, note
+        self._steps, self._slots, self._note, self._method = steps, slots, note, work.method
         self._work_ref, self._steps_ref = ray.put(work), ray.put(steps)
         options = {"max_concurrency": max(2, in_flight), "max_restarts": -1}
         # By value: Ray cannot restart an actor whose arguments have left the object store.
@@ -197,7 +197,7 @@ class OnRay:
 
     def failed(self, question: Question, error: Exception) -> Tables:
         """Return the records of a failed question."""
-        return self._steps.tables(self._steps.failed_rows(question, error))
+        return self._steps.tables(self._steps.failed_rows(question, error, self._method))
 
     def close(self) -> None:
         """End the actors; the session ends the rest."""

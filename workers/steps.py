@@ -22,7 +22,7 @@ class Work:
     """What every worker of a run needs; pickled once, small, and free of secrets."""
 
     method: Any
-    """MethodConfig."""
+    """Config of the paper's method or of a baseline."""
     models: Any
     """ModelConfig."""
     calls: str
@@ -88,5 +88,5 @@ class Steps:
     """Proposal and rows to RGB images by their path below the run folder."""
     tables: Callable[[Any], Tables]
     """Rows to records by table."""
-    failed_rows: Callable[[Question, Exception], Any]
-    """Question and error to the rows that record it."""
+    failed_rows: Callable[[Question, Exception, Any], Any]
+    """Question, error and method config to the rows that record it."""

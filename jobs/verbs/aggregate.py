@@ -12,6 +12,9 @@ if TYPE_CHECKING:
 LINE_WIDTH = 160
 """Columns of a table where there is no terminal to ask: nothing is wrapped in a log."""
 
+DEFAULT_ACC = "8,10"
+"""The paper's thresholds."""
+
 SHOWN = ("metric", "mean", "low", "high", "scored", "questions", "answered", "unparsed", "failed", "skipped", "pending")
 """Columns of a grouped table in the terminal and in LaTeX; CSV and JSON have all."""
 
@@ -21,33 +24,59 @@ def aggregate(
     by: Annotated[
         str, typer.Option(help="One table by these, with commas: task, category, scene, method, arm.", metavar="NAMES")
     ] = "",
+    acc: Annotated[str, typer.Option(help="Thresholds of Acc@k, percent, with commas.", metavar="K,K")] = DEFAULT_ACC,
+    marks: Annotated[
+        str, typer.Option(help="OpenEQA metrics file of another judge, in place of the run's marks.", metavar="FILE")
+    ] = "",
+    arm: Annotated[str, typer.Option(help="Whose answers the marks are: verified, final or initial.")] = "verified",
+    table: Annotated[
+        str, typer.Option(help="Table file or preset whose runs lie in the folder RUN, see table.", metavar="FILE|NAME")
+    ] = "",
     as_csv: Annotated[bool, typer.Option("--csv", help="As CSV on standard output.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="As JSON on standard output.")] = False,
     as_latex: Annotated[bool, typer.Option("--latex", help="As a LaTeX table on standard output.")] = False,
 ) -> None:
     """Write results/answers.parquet and results/arms.parquet and print the scores, always with their denominators.
 
-    With --by, --csv, --json or --latex nothing is written and one table is printed: a row a group, arm and metric.
+    With any option nothing is written and one table is printed: a row a group, arm and metric.
 
     Examples: [bold]splatreasoner aggregate demo/run[/bold]
 
     [bold]splatreasoner aggregate demo/run --by task,category --csv > scores.csv[/bold]
+
+    [bold]splatreasoner aggregate runs/tables --table em-eqa --latex > em-eqa.tex[/bold]
     """
     from schemas.errors import InputError
 
     if as_csv + as_json + as_latex > 1:
         raise InputError("aggregate", expected="one of --csv, --json and --latex", found="several")
-    if not (by or as_csv or as_json or as_latex):
+    if table:
+        if by or marks or as_json:
+            raise InputError("--table", expected="with --csv or --latex at most", found="other options")
+        from jobs.table_file import load_table
+        from jobs.table_run import as_last_run
+        from jobs.verbs.table import print_table
+
+        print_table(as_last_run(load_table(table, output=run)), as_csv=as_csv, as_latex=as_latex)
+        return
+    if not (by or marks or as_csv or as_json or as_latex) and acc == DEFAULT_ACC:
         show(run)
         return
     import sys
 
     from jobs.aggregate import coverage, grouped_scores
     from jobs.frame_text import to_csv, to_json, to_latex
+    from jobs.scores import Options
 
     covered = coverage(run)
+    if marks:
+        from jobs.marks import read_marks, with_marks
+
+        remarked = with_marks(covered, read_marks(marks), arm)
+        covered = remarked.covered
+        print(f"{marks}: {remarked.used} marks used, {remarked.others} of other questions", file=sys.stderr)
     names = [name.strip() for name in by.split(",")] if by else []
-    rows, notice = grouped_scores(covered, names), covered.notice()
+    rows, notice = grouped_scores(covered, names, Options(_percents(acc))), covered.notice()
     words = [*rows.columns[: list(rows.columns).index("metric")], "metric"]
     if as_json:
         counts = {"run": run, "complete": not covered.pending, "planned": covered.planned, "pending": covered.pending}
@@ -60,6 +89,15 @@ def aggregate(
     if notice:
         print(notice, file=sys.stderr if as_csv else sys.stdout)
     print(to_csv(rows) if as_csv else format_frame(rows[[*words[:-1], *SHOWN]]), end="\n" if not as_csv else "")
+
+
+def _percents(text: str) -> tuple[float, ...]:
+    from schemas.errors import InputError
+
+    try:
+        return tuple(map(float, text.split(",")))
+    except ValueError as error:
+        raise InputError("--acc", expected="numbers with commas, such as 8,10", found=text) from error
 
 
 def show(run: str) -> None:

@@ -69,14 +69,10 @@ def build_scannet_mesh(
     if views < 1:
         raise InputError("build", field="views", expected="at least 1", found=views)
     folder = Path(directory)
-    name, mesh, labels, yaw = _read_scan(folder)
+    name, mesh, labels, yaw = read_scan(folder)
     path_rng, sample_rng = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
     surfels = vertex_surfels(mesh) if density is None else density_surfels(mesh, density, sample_rng)
-    box_yaw = main_direction(mesh) if yaw is None else -yaw
-    points = {identity: main_part(mesh, labels, identity) for identity in labels.names}
-    floors = [points[identity][:, 2] for identity, category in labels.names.items() if category == "floor"]
-    floor_z = float(np.median(np.concatenate(floors)) if floors else np.percentile(mesh.vertices[:, 2], 2))
-    objects = state_support(_objects(mesh, labels, points, box_yaw), points, floor_z)
+    objects, floor_z = scan_objects(mesh, labels, yaw)
     semantics = Semantics(labels.vocabulary, labels.category[surfels.vertex], None, labels.instance[surfels.vertex])
     scene = Scene(
         name=name,
@@ -86,6 +82,21 @@ def build_scannet_mesh(
         warnings=labels.warnings,
     )
     return ScannetScene(scene, objects)
+
+
+def scan_objects(mesh: Mesh, labels: ScanNetLabels, yaw: float | None) -> tuple[tuple[SceneObject, ...], float]:
+    """Return a scan's annotated objects by objectId, and the height of its floor, metres.
+
+    Args:
+        mesh: The scan's mesh.
+        labels: Its annotation.
+        yaw: Yaw of its axis alignment, radians; None takes the main direction of the walls.
+    """
+    box_yaw = main_direction(mesh) if yaw is None else -yaw
+    points = {identity: main_part(mesh, labels, identity) for identity in labels.names}
+    floors = [points[identity][:, 2] for identity, category in labels.names.items() if category == "floor"]
+    floor_z = float(np.median(np.concatenate(floors)) if floors else np.percentile(mesh.vertices[:, 2], 2))
+    return state_support(_objects(mesh, labels, points, box_yaw), points, floor_z), floor_z
 
 
 def main_direction(mesh: Mesh) -> float:
@@ -100,7 +111,12 @@ def main_direction(mesh: Mesh) -> float:
     return float(mean % (np.pi / 2))
 
 
-def _read_scan(folder: Path) -> tuple[str, Mesh, ScanNetLabels, float | None]:
+def read_scan(folder: Path) -> tuple[str, Mesh, ScanNetLabels, float | None]:
+    """Return a scan's name, mesh, annotation, and the yaw of its axis alignment (None where its text file has none).
+
+    Raises:
+        InputError: A file or field is missing, or counts differ.
+    """
     if not folder.is_dir():
         raise InputError(folder, expected="a folder with one ScanNet scan", found="no such folder")
     meshes = sorted(folder.glob(f"*{MESH_ENDING}"))

@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float, Float32
+from jaxtyping import Float, Float32, Int32
+
+from pipeline.scene.semantics import UNLABELLED
 
 Weighting = Literal["percentile", "lightgaussian"]
 """percentile: the paper's rule; lightgaussian: that of LightGaussian, which the paper cites but does not follow."""
@@ -32,6 +34,7 @@ def gaussian_weights(
     log_scales: Float32[np.ndarray, "M 3"],
     opacity_logits: Float32[np.ndarray, "M"],
     weighting: Weighting = "percentile",
+    instance: Int32[np.ndarray, "M"] | None = None,
 ) -> Float[np.ndarray, "M"]:
     """Return the weight w_j of every Gaussian, 0 to 1, float64 (paper, supplement B.4).
 
@@ -44,6 +47,8 @@ def gaussian_weights(
         weighting: "percentile" divides by the 90th percentile and clips to [0, 1]. "lightgaussian" takes
             (V / V_ref)^0.1 clipped to [0, 1], without opacity, V_ref being the 10th percentile: its code takes
             index 0.9 M of a descending sort.
+        instance: Ground-truth instance of each Gaussian. Unlabelled ones (-1) weigh 0: they are ignored, so that a
+            prediction neither gains nor loses by them; the reference volume is that of all. None: all are labelled.
     """
     if weighting == "percentile":
         volume, percentile, power = volumes(log_scales, opacity_logits), REFERENCE_PERCENTILE, 1.0
@@ -54,5 +59,9 @@ def gaussian_weights(
         return volume
     reference = float(np.percentile(volume, percentile))
     if reference == 0.0:
-        return (volume > 0).astype(np.float64)
-    return np.clip(volume / reference, 0.0, 1.0) ** power
+        weights = (volume > 0).astype(np.float64)
+    else:
+        weights = np.clip(volume / reference, 0.0, 1.0) ** power
+    if instance is not None:
+        weights[instance == UNLABELLED] = 0.0
+    return weights

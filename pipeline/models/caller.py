@@ -26,8 +26,8 @@ from schemas.questions import Question
 
 T = TypeVar("T")
 
-_ROW_STAGE: Mapping[Stage, str] = {"answer_one": "answer", "answer_many": "answer"}
-"""The two answer prompts are one stage of the method."""
+_ROW_STAGE: Mapping[Stage, str] = dict.fromkeys(("answer_one", "answer_many", "answer_text", "answer_blind"), "answer")
+"""The answer prompts are one stage of the method."""
 
 
 CLAIMED_S = 0.2

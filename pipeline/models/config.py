@@ -52,6 +52,12 @@ class EndpointConfig(BaseModel):
         "max_tokens", description="what the server calls that limit; newer OpenAI models want max_completion_tokens"
     )
     seed: int | None = Field(None, description="sampling seed, where the server knows one; null sends none")
+    repeat: int = Field(
+        0,
+        ge=0,
+        description="number of an independent repetition: replies stored for another one are not used; seed + repeat "
+        "is sent where there is a seed",
+    )
     structured: Literal["none", "json_schema", "json_object"] = Field(
         "none",
         description="JSON replies, where the server offers them: none: plain text; json_schema: held to the stage's "
@@ -111,6 +117,8 @@ class EndpointConfig(BaseModel):
         """Return what changes a reply; timeouts, limits, prices and the key's variable do not."""
         kept = {"kind", "base_url", "model", "temperature", "top_p", "max_tokens", "seed", "extra_body", "images"}
         identity = self.model_dump(mode="json", include=kept)
+        if self.repeat:
+            identity["repeat"] = self.repeat
         if self.structured == "none":
             return identity
         from pipeline.models.reply_schemas import VERSION
@@ -137,7 +145,7 @@ class ModelConfig(BaseModel):
     stages: dict[Stage, str] = Field(
         default_factory=dict,
         description="endpoint by stage: evidence, view_answer, choice, verify, answer_one, answer_many, judge, "
-        "caption; choice needs a vision model where judging.design shows images",
+        "caption, answer_text, answer_blind; choice needs a vision model where judging.design shows images",
     )
     prompts: Path | None = Field(
         None, description="folder of replacement prompts, files named as in pipeline/models/prompts; null for ours"

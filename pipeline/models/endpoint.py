@@ -176,7 +176,7 @@ class EndpointClient:
             "temperature": config.temperature,
             "top_p": config.top_p,
             config.max_tokens_field: config.max_tokens,
-            "seed": config.seed,
+            "seed": None if config.seed is None else config.seed + config.repeat,
         }
         return {field: value for field, value in body.items() if value is not None} | config.extra_body
 

@@ -45,6 +45,8 @@ class Remembered:
     """What ended calls used, and what calls of earlier sessions without an end may have used."""
     calls: tuple[PastCall, ...]
     """Calls that still matter, oldest first: the recent ones, and those of this session without an end."""
+    pause_s: float
+    """Seconds for which the server still wants no call, 0 or more."""
 
 
 class Journal:
@@ -75,6 +77,8 @@ class Journal:
             line = {"sent": entry.id, "key": entry.key, "session": self._session, "at": self._wall_clock(), **line}
         elif entry.sent:
             line = {"done": entry.id, **line}
+            if entry.pause_s is not None:
+                line |= {"pause": entry.pause_s, "at": self._wall_clock()}
         else:
             line = {"unsent": entry.id}
         try:
@@ -102,7 +106,8 @@ class Journal:
             if age_s < REMEMBERED_S or (same and end is None):
                 tokens = None if end is None else (wish.tokens if end["tokens"] is None else end["tokens"])
                 calls.append(PastCall(wish, age_s, tokens, same))
-        return Remembered(spent, tuple(calls))
+        pauses = (end["pause"] - max(0.0, now - end["at"]) for end in ended.values() if "pause" in end)
+        return Remembered(spent, tuple(calls), max(0.0, max(pauses, default=0.0)))
 
     def unended(self) -> tuple[Wish, ...]:
         """Return the calls of earlier sessions without an end, where none was sent later for the same key."""

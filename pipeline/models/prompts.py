@@ -33,6 +33,10 @@ TemplateName = Literal[
     "judge",
     "judge_extra",
     "caption",
+    "caption_object",
+    "answer_text",
+    "answer_text_objects",
+    "answer_blind",
 ]
 """One prompt file each: the stages, and the variants of `VARIANT_OF`."""
 
@@ -40,9 +44,11 @@ VARIANT_OF: Mapping[TemplateName, Stage] = {
     "choice_image": "choice",
     "choice_image_text": "choice",
     "judge_extra": "judge",
+    "caption_object": "caption",
+    "answer_text_objects": "answer_text",
 }
-"""Prompts that stand in for their stage's own: the choice by images or by both, and the judge's for questions with
-several accepted answers."""
+"""Prompts that stand in for their stage's own: the choice by images or by both, the judge's for questions with several
+accepted answers, the caption of one named object, and the answer from a list of objects."""
 
 REQUIRED: Mapping[TemplateName, frozenset[str]] = {
     "evidence": frozenset({"question", "categories", "k"}),
@@ -56,6 +62,10 @@ REQUIRED: Mapping[TemplateName, frozenset[str]] = {
     "judge": frozenset({"question", "answer", "prediction"}),
     "judge_extra": frozenset({"question", "answer", "prediction", "extra_answers"}),
     "caption": frozenset({"images"}),
+    "caption_object": frozenset({"images", "object"}),
+    "answer_text": frozenset({"question", "notes"}),
+    "answer_text_objects": frozenset({"question", "notes"}),
+    "answer_blind": frozenset({"question"}),
 }
 """Placeholders that the user section of each prompt must hold."""
 
@@ -123,6 +133,10 @@ class Prompts:
         """
         if stage == "judge" and variables.get("extra_answers"):
             return "judge_extra"
+        if stage == "caption" and "object" in variables:
+            return "caption_object"
+        if stage == "answer_text" and variables.get("design") == "objects":
+            return "answer_text_objects"
         if stage != "choice" or "design" not in variables:
             return stage
         match variables["design"]:
@@ -237,7 +251,7 @@ def _values(name: TemplateName, variables: Mapping[str, Any], images: int) -> di
             values[placeholder] = "\n".join(f"{index}: {one_line(text)}" for index, text in enumerate(value))
         elif placeholder == "extra_answers":
             values[placeholder] = "\n".join(f"- {one_line(text)}" for text in value)
-        elif placeholder == "categories":
+        elif placeholder in ("categories", "notes"):
             values[placeholder] = "\n".join(one_line(text) for text in value)
         else:
             values[placeholder] = one_line(str(value))

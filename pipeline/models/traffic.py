@@ -57,6 +57,7 @@ def open_admissions(
         for call in past.calls:
             under_way = call.same_session and call.tokens is None
             admission.restore(call.wish, now_s - call.age_s, call.tokens, under_way=under_way)
+        admission.pause(past.pause_s, now_s)
         admissions[name] = admission
     return admissions
 

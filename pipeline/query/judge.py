@@ -21,7 +21,10 @@ from pipeline.query.savings import EQUAL_ANSWERS, EQUAL_PICTURES, Savings
 from schemas.calls import CallRow
 from schemas.questions import Question
 
-Design = Literal["text", "image", "image_text"]
+Design = Literal["text", "image", "image_text", "all_views"]
+
+WITHOUT_ANSWERS = ("image", "all_views")
+"""Designs in which views are not answered one by one."""
 
 
 class JudgeConfig(BaseModel):
@@ -32,7 +35,9 @@ class JudgeConfig(BaseModel):
     design: Design = Field(
         default="text",
         description="What the choice among a cluster's views is made from. text: their answers (paper). image: the "
-        "views themselves, which then are not answered one by one. image_text: both.",
+        "views themselves, which then are not answered one by one. image_text: both. all_views: nothing is chosen, and "
+        "the model answers from every candidate at once (paper, supplement, number of views); with many targets, where "
+        "each view stands for one instance, the initial views stay.",
     )
     verify: bool = Field(default=True, description="Compare the answers of initial and final views (paper 3.3).")
     mark: bool = Field(default=True, description="Ask the judge for LLM-Match marks where a reference answer is known.")
@@ -56,8 +61,8 @@ class JudgeConfig(BaseModel):
 
     @model_validator(mode="after")
     def _policies_fit_the_design(self) -> JudgeConfig:
-        if self.stop_when_definite and self.design == "image":
-            raise ValueError("stop_when_definite needs the answers of views, which design image does not ask for")
+        if self.stop_when_definite and self.design in WITHOUT_ANSWERS:
+            raise ValueError(f"stop_when_definite needs the answers of views, which {self.design} does not ask for")
         return self
 
 

@@ -28,7 +28,7 @@ class Semantics:
     embedding: Float[np.ndarray, "M D"] | None = None
     """Open-set feature per Gaussian, float16 or float32, unit norm; an all-zero row is unlabelled."""
     instance: Int32[np.ndarray, "M"] | None = None
-    """Ground-truth instance id per Gaussian, -1 none. Read by metrics only, never by the method."""
+    """Ground-truth instance id per Gaussian, -1 unlabelled. Read by metrics only, never by the method."""
 
     def __post_init__(self) -> None:
         lengths = {

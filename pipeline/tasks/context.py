@@ -230,8 +230,10 @@ class SceneContext:
         return self._free.setdefault((view, config), {})
 
     def weights(self, weighting: Weighting) -> Float[np.ndarray, "M"]:
-        """Return the IoU weight of every Gaussian."""
+        """Return the IoU weight of every Gaussian; 0 where the scene's ground truth is silent."""
         if weighting not in self._weights:
-            gaussians = self.scene.gaussians
-            self._weights[weighting] = gaussian_weights(gaussians.log_scales, gaussians.opacity_logits, weighting)
+            gaussians, instance = self.scene.gaussians, self.scene.semantics.instance
+            self._weights[weighting] = gaussian_weights(
+                gaussians.log_scales, gaussians.opacity_logits, weighting, instance
+            )
         return self._weights[weighting]

@@ -9,7 +9,7 @@ from typing import Any
 
 from pipeline.config import MethodConfig
 from pipeline.models.caller import Caller
-from pipeline.query.judge import Choice
+from pipeline.query.judge import WITHOUT_ANSWERS, Choice
 from pipeline.query.savings import SAME_VIEWS, Saved, Savings
 from pipeline.query.stopwatch import StageTime, Stopwatch
 from pipeline.query.verify import FINAL, INITIAL, verify_answers
@@ -116,7 +116,10 @@ class _Case:
             None if choice.candidate is None else group.candidates[choice.candidate].picture
             for group, choice in zip(groups, choices, strict=True)
         ]
-        initial, final = await self._answer_arms(initial_views, final_views, choices)
+        final_frames = _frames(final_views)
+        if self.config.judging.design == "all_views" and self.question.task != "ground_many":
+            final_frames = _frames(self.views.every_picture())
+        initial, final = await self._answer_arms(_frames(initial_views), final_frames, choices)
         verified, stands = await self._verify(initial, final, initial_views, final_views)
         arms = await self._marked([initial, final, verified])
         chosen = tuple(choice.candidate for choice in choices)
@@ -140,10 +143,9 @@ class _Case:
         return Arm(name, result, pictures, _UNMARKED)
 
     async def _answer_arms(
-        self, initial_views: list[int], final_views: list[int | None], choices: list[Choice]
+        self, initial_frames: tuple[int, ...], final_frames: tuple[int, ...], choices: list[Choice]
     ) -> tuple[Arm, Arm]:
         """Answer from the initial and the final views; once where they are the same views."""
-        initial_frames, final_frames = _frames(initial_views), _frames(final_views)
         readable = all(choice.candidate is not None for choice in choices)
         same = final_frames == initial_frames
         again = readable and not (same and self.exact)
@@ -202,7 +204,7 @@ class _Case:
 
     def _has_answer(self, picture: int) -> bool:
         """Return whether a picture got an answer of its own, or would have without savings."""
-        if self.config.judging.design == "image":
+        if self.config.judging.design in WITHOUT_ANSWERS:
             return False
         return picture not in self.views.asked or self.views.answers[picture] is not None
 

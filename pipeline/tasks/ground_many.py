@@ -17,7 +17,7 @@ from schemas.questions import Question
 async def ground_many(
     question: Question, images: Sequence[ImagePart], arm: str, caller: Caller, calls: list[CallRow]
 ) -> TaskAnswer:
-    """Return the images (L' of L, none is possible) that show a target; each is one predicted instance.
+    """Return the images (L' of L, none is possible) that show a target; each is one instance, or its clusters are.
 
     Args:
         question: The referring query.

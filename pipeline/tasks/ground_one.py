@@ -1,4 +1,4 @@
-"""Single-target grounding: the model names one final view, whose frustum cuts the region (paper 3.4)."""
+"""Single-target grounding: the model names one final view, whose region is the prediction (paper 3.4)."""
 
 from __future__ import annotations
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pipeline.metrics.llm_match import cut_prediction
+from pipeline.metrics.llm_match import MISSING_MARK, cut_prediction, needs_judge
 from pipeline.models.caller import Caller
 from pipeline.models.replies import parse_mark
 from pipeline.query.ask_all import ask_all
@@ -32,7 +32,7 @@ async def mark_answers(
     calls: list[CallRow],
     savings: Savings | None,
 ) -> list[Mark]:
-    """Return the mark of every answer; equal texts are judged once.
+    """Return the mark of every answer; equal texts are judged once, a blank one is marked as missing without a call.
 
     Args:
         question: With its reference answer, and others that it accepts.
@@ -42,7 +42,7 @@ async def mark_answers(
         calls: Where the rows are appended.
         savings: Counts the marks not asked for; None to ask for each arm's.
     """
-    given = [(arm, text) for arm, text in zip(arms, answers, strict=True) if text is not None]
+    given = [(arm, text) for arm, text in zip(arms, answers, strict=True) if text is not None and needs_judge(text)]
     subjects = given
     if savings is not None:
         texts = dict.fromkeys(text for _, text in given)
@@ -70,6 +70,8 @@ async def mark_answers(
     for answer in answers:
         if answer is None:
             found.append(Mark(None, "no answer"))
+        elif not needs_judge(answer):
+            found.append(Mark(MISSING_MARK, ""))
         elif marks[answer] is None:
             found.append(Mark(None, "the mark could not be read"))
         else:

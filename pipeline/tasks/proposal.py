@@ -51,8 +51,8 @@ class Group:
     """Number in this question, by visible size."""
     category: str
     """Category."""
-    size: int
-    """|G_cluster|."""
+    ids: Int32[np.ndarray, "n"]
+    """Its Gaussians, sorted."""
     centre: tuple[float, float, float]
     """Mean of its centres, metres."""
     initial_view: str
@@ -63,6 +63,11 @@ class Group:
     """|G_vis| from there."""
     candidates: tuple[Candidate, ...]
     """The initial view first, then the novel ones; none for a cluster that no view sees."""
+
+    @property
+    def size(self) -> int:
+        """|G_cluster|."""
+        return len(self.ids)
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,7 +190,7 @@ def _group(
     return Group(
         number,
         cluster.category,
-        len(cluster.ids),
+        cluster.ids,
         _point(cluster),
         view.name,
         cluster.initial.visibility,
@@ -218,7 +223,7 @@ def _novel_poses(
 
 
 def _unseen(number: int, cluster: FoundCluster) -> Group:
-    return Group(number, cluster.category, len(cluster.ids), _point(cluster), "", 0.0, 0, ())
+    return Group(number, cluster.category, cluster.ids, _point(cluster), "", 0.0, 0, ())
 
 
 def _point(cluster: FoundCluster) -> tuple[float, float, float]:

@@ -9,14 +9,13 @@ import numpy as np
 from jaxtyping import Int32
 
 from pipeline.config import MethodConfig
-from pipeline.metrics.instance_iou import instance_iou
-from pipeline.metrics.iou import weighted_iou
 from pipeline.query.evidence import Evidence
 from pipeline.query.stopwatch import StageTime, Stopwatch
 from pipeline.tasks.context import SceneContext
 from pipeline.tasks.decision import ARMS, Arm, Decision
+from pipeline.tasks.grounding import Grounder, Instance, ShownView, standing_for
 from pipeline.tasks.proposal import Proposal
-from pipeline.tasks.region import frustum_region
+from pipeline.tasks.scoring import score_regions, targets_of
 from schemas.answers import AnswerRow, ArmRow
 from schemas.calls import CallRow, RegionRow, TimingRow
 from schemas.clusterings import ClusteringRow
@@ -53,20 +52,21 @@ class QuestionRows:
 class _Grounded:
     """Regions of one arm and their score."""
 
-    views: tuple[str, ...]
-    regions: tuple[Int32[np.ndarray, "_"], ...]
+    instances: tuple[Instance, ...]
     predicted: int | None
     targets: int | None
     iou: float | None
+    pair_ious: tuple[float, ...] | None = None
+    rule: str = ""
 
     @property
     def size(self) -> int | None:
         if self.predicted is None:
             return None
-        return len(np.unique(np.concatenate([np.empty(0, np.int32), *self.regions])))
+        return len(np.unique(np.concatenate([np.empty(0, np.int32), *(found.gaussians for found in self.instances)])))
 
 
-_NOT_GROUNDED = _Grounded((), (), None, None, None)
+_NOT_GROUNDED = _Grounded((), None, None, None)
 
 
 def conclude(
@@ -92,9 +92,12 @@ def conclude(
     watch = Stopwatch()
     grounds = question.task != "eqa"
     with watch.stage("ground", len(decision.arms) if grounds else 0):
-        truth = _targets(context, question) if grounds else None
+        truth = targets_of(context, question) if grounds else None
+        grounder = Grounder(context, proposal.activated, [group.ids for group in proposal.seen], config)
         grounded = [
-            _ground(context, question, proposal, arm, truth, config) if grounds else _NOT_GROUNDED
+            _ground(context, question, proposal, arm, decision.choices, grounder, truth, config)
+            if grounds
+            else _NOT_GROUNDED
             for arm in decision.arms
         ]
     with watch.stage("cluster_quality", len(proposal.categories)):
@@ -110,22 +113,39 @@ def conclude(
         clusters=_cluster_rows(question, proposal, decision),
         candidates=_candidate_rows(question, proposal, decision),
         regions=tuple(
-            RegionRow(question.question_id, question.scene, arm.name, instance, view, tuple(sorted(region.tolist())))
+            RegionRow(
+                question.question_id,
+                question.scene,
+                arm.name,
+                number,
+                instance.view,
+                tuple(instance.gaussians.tolist()),
+                result.rule,
+            )
             for arm, result in zip(decision.arms, grounded, strict=True)
-            for instance, (view, region) in enumerate(zip(result.views, result.regions, strict=True))
+            for number, instance in enumerate(result.instances)
         ),
         calls=calls,
-        timings=_timing_rows(question, (*times, *watch.times())),
+        timings=timing_rows(question, (*times, *watch.times())),
     )
 
 
-def failed_rows(question: Question, error: Exception, calls: tuple[CallRow, ...] = ()) -> QuestionRows:
+def failed_rows(
+    question: Question,
+    error: Exception,
+    calls: tuple[CallRow, ...] = (),
+    *,
+    method: str = METHOD,
+    arms: Sequence[str] = ARMS,
+) -> QuestionRows:
     """Return the rows of a question that ended in an error: a reason, never nothing.
 
     Args:
         question: The query.
         error: What went wrong.
         calls: Calls made before it.
+        method: Who failed.
+        arms: Its arms.
     """
     reason = f"{type(error).__name__}: {error}"
     targets = None if question.target_ids is None or question.task == "eqa" else len(question.target_ids)
@@ -134,7 +154,7 @@ def failed_rows(question: Question, error: Exception, calls: tuple[CallRow, ...]
         scene=question.scene,
         task=question.task,
         category=question.category,
-        method=METHOD,
+        method=method,
         question=question.question,
         reference=question.answer,
         evidence=(),
@@ -146,15 +166,15 @@ def failed_rows(question: Question, error: Exception, calls: tuple[CallRow, ...]
         answer="",
         arm="",
         frames=0,
-        model=_models(calls),
+        model=models_named(calls),
     )
-    arms = tuple(
+    rows = tuple(
         ArmRow(
             question_id=question.question_id,
             scene=question.scene,
             task=question.task,
             category=question.category,
-            method=METHOD,
+            method=method,
             arm=name,
             status="failed",
             reason=reason,
@@ -169,17 +189,9 @@ def failed_rows(question: Question, error: Exception, calls: tuple[CallRow, ...]
             iou=None,
             region_gaussians=None,
         )
-        for name in ARMS
+        for name in arms
     )
-    return QuestionRows((answer,), arms, calls=calls)
-
-
-def _targets(context: SceneContext, question: Question) -> tuple[Int32[np.ndarray, "_"], ...] | None:
-    """Gaussians of each target instance; None when they are unknown."""
-    instance = context.scene.semantics.instance
-    if question.target_ids is None or (question.target_ids and instance is None):
-        return None
-    return tuple(np.flatnonzero(instance == target).astype(np.int32) for target in question.target_ids)
+    return QuestionRows((answer,), rows, calls=calls)
 
 
 def _ground(
@@ -187,26 +199,25 @@ def _ground(
     question: Question,
     proposal: Proposal,
     arm: Arm,
+    choices: Sequence[int | None],
+    grounder: Grounder,
     truth: tuple[Int32[np.ndarray, "_"], ...] | None,
     config: MethodConfig,
 ) -> _Grounded:
     """Cut the arm's regions out of G_act and score them; an arm that did not answer is not scored."""
     targets = None if question.target_ids is None else len(question.target_ids)
     if arm.result.status != "answered":
-        return _Grounded((), (), None, targets, None)
-    means = context.scene.gaussians.means
-    shown = [proposal.candidate_of(arm.pictures[position]) for position in arm.result.chosen]
-    views = tuple(candidate.id for candidate in shown)
-    regions = tuple(frustum_region(c.camera, proposal.activated, means, config.grounding) for c in shown)
-    iou = None
-    if truth is not None:
-        weights = context.weights(config.grounding.weighting)
-        if question.task == "ground_many":
-            iou = instance_iou(regions, truth, weights).score
-        else:
-            nothing = np.empty(0, np.int32)
-            iou = weighted_iou(np.concatenate([nothing, *regions]), np.concatenate([nothing, *truth]), weights)
-    return _Grounded(views, regions, len(regions), targets, iou)
+        return _Grounded((), None, targets, None)
+    groups = proposal.seen
+    owned = standing_for([[c.picture for c in group.candidates] for group in groups], choices, arm.pictures)
+    shown = []
+    for picture in (arm.pictures[position] for position in arm.result.chosen):
+        candidate = proposal.candidate_of(picture)
+        shown.append(ShownView(candidate.id, candidate.camera, owned[picture]))
+    instances = grounder.instances(shown, config.grounding)
+    regions = [instance.gaussians for instance in instances]
+    score = score_regions(context, question, regions, truth, config.grounding.weighting)
+    return _Grounded(instances, len(instances), targets, score.iou, score.pair_ious, config.grounding.region)
 
 
 def _answer_row(question: Question, proposal: Proposal, decision: Decision, calls: Sequence[CallRow]) -> AnswerRow:
@@ -228,7 +239,7 @@ def _answer_row(question: Question, proposal: Proposal, decision: Decision, call
         answer=final.result.text,
         arm=decision.stands,
         frames=len(final.pictures),
-        model=_models(calls),
+        model=models_named(calls),
         calls_saved=sum(saved.calls for saved in decision.saved),
         saved=tuple(str(saved) for saved in decision.saved),
     )
@@ -254,6 +265,8 @@ def _arm_row(question: Question, proposal: Proposal, arm: Arm, grounded: _Ground
         targets=grounded.targets,
         iou=grounded.iou,
         region_gaussians=grounded.size,
+        pair_ious=grounded.pair_ious,
+        region=grounded.rule,
     )
 
 
@@ -338,7 +351,8 @@ def _candidate_rows(question: Question, proposal: Proposal, decision: Decision) 
     )
 
 
-def _timing_rows(question: Question, times: Sequence[StageTime]) -> tuple[TimingRow, ...]:
+def timing_rows(question: Question, times: Sequence[StageTime]) -> tuple[TimingRow, ...]:
+    """Return the rows of a question's stages; those of work done once a scene name no question."""
     return tuple(
         TimingRow(
             "" if time.whole_scene else question.question_id, question.scene, time.stage, time.seconds, time.count
@@ -347,8 +361,8 @@ def _timing_rows(question: Question, times: Sequence[StageTime]) -> tuple[Timing
     )
 
 
-def _models(calls: Sequence[CallRow]) -> str:
-    """One name where all stages used the same model, else "stage=model" pairs; empty when nothing was asked."""
+def models_named(calls: Sequence[CallRow]) -> str:
+    """Return one name where all stages used the same model, else "stage=model" pairs; empty when nothing was asked."""
     by_stage: dict[str, str] = {}
     for call in calls:
         by_stage[call.stage] = call.model

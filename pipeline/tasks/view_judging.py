@@ -58,8 +58,10 @@ class ViewJudging:
         """Pictures asked about."""
 
     async def choose(self) -> list[Choice]:
-        """Return one choice per cluster with views, by `Proposal.seen`."""
+        """Return one choice per cluster with views, by `Proposal.seen`; the initial views where nothing is chosen."""
         groups = self._proposal.seen
+        if self._config.design == "all_views":
+            return [Choice(0) for _ in groups]
         clusters = [_Cluster(group, self._kept(group)) for group in groups]
         judged = [cluster for cluster in clusters if len(cluster.kept) > 1 or not self._config.exact_savings]
         settled: Collection[int] = ()
@@ -81,6 +83,12 @@ class ViewJudging:
                 savings=self._savings if self._config.exact_savings else None,
             )
         return [made.get(group.cluster, Choice(0)) for group in groups]
+
+    def every_picture(self) -> tuple[int, ...]:
+        """Return the pictures of all candidates that no policy drops, cluster by cluster."""
+        return tuple(
+            group.candidates[position].picture for group in self._proposal.seen for position in self._kept(group)
+        )
 
     async def answer(self, pictures: Iterable[int]) -> None:
         """Ask about pictures not asked about yet."""

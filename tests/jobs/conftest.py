@@ -11,6 +11,7 @@ import pytest
 
 from jobs.config import JobConfig
 from schemas.question_file import save_questions
+from tests.jobs.chaos.measured import measured as measured
 from tests.workers.fake_steps import MARKS, unit
 
 CAMERAS: dict[str, Any] = {

@@ -41,7 +41,9 @@ def driver(verb: str, argument: object, **environment: str) -> Iterator[subproce
         yield process
     finally:
         process.kill()
-        process.communicate()
+        process.wait()
+        assert process.stderr is not None
+        process.stderr.close()
 
 
 def job_file(job: JobConfig, folder: Path) -> Path:

@@ -14,6 +14,7 @@ from jobs.results import RESULTS
 from jobs.submit import resume, submit
 from schemas.errors import StopError
 from schemas.run_folder import read_table
+from tests.jobs.chaos.measured import Measured
 from tests.jobs.conftest import MakeJob
 from tests.models.counting_server import CountingServer
 from tests.workers.calling_steps import CALLS, STEPS
@@ -49,16 +50,19 @@ def journal_of(job: JobConfig) -> list[dict[str, Any]]:
     return [json.loads(line) for line in path.read_text().splitlines() if line]
 
 
+@pytest.mark.chaos("budget reached")
 def test_a_cap_ends_the_run_and_a_higher_one_finishes_it(
-    make_scene: Callable[..., Path], make_job: MakeJob, server: CountingServer
+    make_scene: Callable[..., Path], make_job: MakeJob, server: CountingServer, measured: Measured
 ) -> None:
     make_scene("a", TEXTS)
     whole = submit(make_job("whole", models=models(server)), steps=STEPS)
     paid = server.sent
     assert paid == SENT
     job = make_job(models=models(server), budget={"calls": 15})
+    measured.struck()
     with pytest.raises(StopError, match=r"15 of 15 calls spent.*--max-calls: splatreasoner resume"):
         submit(job, steps=STEPS)
+    measured.ended(1)
     assert server.sent - paid == 15
     with pytest.raises(StopError, match="--max-calls"):
         resume(job.output, steps=STEPS)
@@ -67,6 +71,8 @@ def test_a_cap_ends_the_run_and_a_higher_one_finishes_it(
     assert ended.driven.complete
     assert result_bytes(job.output) == result_bytes(whole.run)
     assert server.sent - paid == SENT, "what was paid for below the cap is not paid for again"
+    measured.compare(job.output, whole.run)
+    measured.sent_twice, measured.note = 0, "15 calls sent at a cap of 15"
 
 
 def test_actors_of_a_run_pay_once_for_what_several_ask_and_share_one_limit(

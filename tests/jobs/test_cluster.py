@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ import pytest
 from jobs.submit import submit
 from schemas.run_folder import read_table
 from tests.conftest import ROOT
+from tests.jobs.chaos.measured import Measured
 from tests.jobs.conftest import MakeJob
 from tests.jobs.faults import driver, ended, job_file, result_bytes, wait_for_commits
 from tests.workers.fake_steps import STEPS
@@ -40,8 +40,9 @@ def cluster(make_job: MakeJob, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]
         started.shutdown()
 
 
+@pytest.mark.chaos("node loss")
 def test_run_whose_node_dies_ends_with_the_rows_of_an_undisturbed_one(
-    cluster: Any, make_scene: Callable[..., Path], make_job: MakeJob, tmp_path: Path
+    cluster: Any, make_scene: Callable[..., Path], make_job: MakeJob, tmp_path: Path, measured: Measured
 ) -> None:
     make_scene("a", TEXTS)
     make_scene("b", TEXTS)
@@ -51,10 +52,11 @@ def test_run_whose_node_dies_ends_with_the_rows_of_an_undisturbed_one(
     with driver("submit", job_file(job, tmp_path)) as process:
         wait_for_commits(job.output, 5, process)
         cluster.remove_node(node, allow_graceful=False)
-        before = time.monotonic()
+        measured.struck()
         code, said = ended(process)
-    print(f"ended {time.monotonic() - before:.0f} s after its node was lost\n{said}")
+        measured.ended(code)
     assert code == 0, said
+    measured.compare(job.output, whole.run)
     assert result_bytes(job.output) == result_bytes(whole.run)
     assert read_table(job.output, "answers")["question_id"].is_unique
     assert "ray" not in said, "Ray's own words"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -19,6 +18,7 @@ from jobs.submit import resume, submit
 from schemas.errors import StopError
 from schemas.manifest import committed_units, damaged_units
 from schemas.run_folder import read_table
+from tests.jobs.chaos.measured import Measured
 from tests.jobs.conftest import MakeJob
 from tests.jobs.faults import (
     HEAD,
@@ -42,9 +42,10 @@ def committed(run: str) -> dict[Path, bytes]:
     return {path: path.read_bytes() for path in Path(run, "manifests").iterdir()}
 
 
+@pytest.mark.chaos("driver kill -9")
 @pytest.mark.parametrize("in_process", [True, False], ids=["in process", "on Ray"])
 def test_killed_driver_resumes_to_the_same_bytes(
-    make_scene: Callable[..., Path], make_job: MakeJob, tmp_path: Path, in_process: bool
+    make_scene: Callable[..., Path], make_job: MakeJob, tmp_path: Path, in_process: bool, measured: Measured
 ) -> None:
     make_scene("a", TEXTS)
     make_scene("b", TEXTS)
@@ -60,29 +61,40 @@ def test_killed_driver_resumes_to_the_same_bytes(
 
     again = resume(job.output, steps=STEPS, workers={"in_process": True})
     assert again.driven.complete
+    measured.compare(job.output, whole.run)
     assert result_bytes(job.output) == result_bytes(whole.run)
     # What was committed before the kill was not done again.
     assert again.driven.failed < run_status(job.output).statuses["failed"] == 12
 
 
+@pytest.mark.chaos("SIGTERM")
 @pytest.mark.parametrize(
     ("number", "in_process"),
     [(signal.SIGINT, True), (signal.SIGTERM, False)],
     ids=["SIGINT in process", "SIGTERM on Ray, which has a handler of its own"],
 )
 def test_signal_commits_what_is_done_and_exits_130(
-    make_scene: Callable[..., Path], make_job: MakeJob, tmp_path: Path, number: signal.Signals, in_process: bool
+    make_scene: Callable[..., Path],
+    make_job: MakeJob,
+    tmp_path: Path,
+    number: signal.Signals,
+    in_process: bool,
+    measured: Measured,
 ) -> None:
-    make_scene("a", TEXTS * 4)
+    make_scene("a", [text.removeprefix("slow ") for text in TEXTS * 4])
+    whole = submit(make_job("whole"), steps=STEPS).run
     job = make_job(workers={"in_process": in_process})
     with driver("submit", job_file(job, tmp_path)) as process:
         wait_for_commits(job.output, 2, process)
         process.send_signal(number)
+        measured.struck()
         code, said = ended(process)
+        measured.ended(code)
     assert code == 130, said
     assert "stopping" in said
     assert not run_status(job.output).complete
     assert resume(job.output, steps=STEPS, workers={"in_process": True}).driven.complete
+    measured.compare(job.output, whole)
 
 
 def test_second_driver_is_refused_while_the_first_works(
@@ -97,8 +109,13 @@ def test_second_driver_is_refused_while_the_first_works(
             resume(job.output, steps=STEPS)
 
 
+@pytest.mark.chaos("two drivers")
 def test_driver_that_slept_while_another_finished_its_run_is_fenced_out(
-    make_scene: Callable[..., Path], make_job: MakeJob, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    make_scene: Callable[..., Path],
+    make_job: MakeJob,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    measured: Measured,
 ) -> None:
     make_scene("a", TEXTS)
     whole = submit(make_job("whole"), steps=STEPS)
@@ -111,45 +128,52 @@ def test_driver_that_slept_while_another_finished_its_run_is_fenced_out(
             assert before < 5
             assert resume(job.output, steps=STEPS).driven.complete
             found = committed(job.output)
+        measured.struck()
         code, said = ended(process)
+        measured.ended(code)
     assert code == 1, said
     assert "took this run over" in said
     assert "Traceback" not in said
+    measured.compare(job.output, whole.run)
     assert result_bytes(job.output) == result_bytes(whole.run)
     assert read_table(job.output, "answers")["question_id"].is_unique
     assert committed(job.output) == found, "the stale driver wrote nothing that counts"
 
 
 @pytest.mark.slow
+@pytest.mark.chaos("GCS loss")
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "stuck"])
 def test_driver_whose_ray_loses_its_head_ends_in_time_and_can_be_resumed(
-    make_scene: Callable[..., Path], make_job: MakeJob, tmp_path: Path, number: signal.Signals
+    make_scene: Callable[..., Path], make_job: MakeJob, tmp_path: Path, number: signal.Signals, measured: Measured
 ) -> None:
     make_scene("a", TEXTS * 10)
+    whole = submit(make_job("whole"), steps=STEPS).run
     job = make_job("headless", workers={"in_process": False})
     with driver("submit", job_file(job, tmp_path)) as process:
         wait_for_commits(job.output, 2, process)
         head = kill_process(process.pid, HEAD, number)
-        before = time.monotonic()
+        measured.struck()
         code, said = ended(process)
-        took_s = time.monotonic() - before
+        measured.ended(code)
         with suppress(ProcessLookupError):
             os.kill(head, signal.SIGKILL)
-    print(f"ended {took_s:.0f} s after its head was lost")
     assert code == 1, said
-    assert took_s < 90
+    assert measured.seconds is not None
+    assert measured.seconds < 90
     assert "the head of the local Ray has not answered for" in said
     assert "Traceback" not in said
     assert "Failed to connect" not in said, "Ray's own words"
     assert not run_status(job.output).complete
     assert resume(job.output, steps=STEPS, workers={"in_process": True}).driven.complete
+    measured.compare(job.output, whole)
 
 
+@pytest.mark.chaos("full disk")
 @pytest.mark.parametrize(
     "in_process", [True, pytest.param(False, marks=pytest.mark.slow)], ids=["in process", "on Ray"]
 )
 def test_full_disk_stops_the_run_and_costs_nothing_that_was_committed(
-    make_scene: Callable[..., Path], make_job: MakeJob, tmp_path: Path, in_process: bool
+    make_scene: Callable[..., Path], make_job: MakeJob, tmp_path: Path, in_process: bool, measured: Measured
 ) -> None:
     make_scene("a", [text.removeprefix("slow ") for text in TEXTS * 8])
     whole = submit(make_job("whole"), steps=STEPS)
@@ -157,6 +181,7 @@ def test_full_disk_stops_the_run_and_costs_nothing_that_was_committed(
         job = make_job("disk/run", workers={"in_process": in_process})
         with driver("submit", job_file(job, tmp_path)) as process:
             code, said = ended(process)
+            measured.ended(code)
         assert code == 1, said
         assert "No space left on device" in said
         assert "resume" in said
@@ -165,4 +190,5 @@ def test_full_disk_stops_the_run_and_costs_nothing_that_was_committed(
         assert not list(damaged_units(job.output))
         grow_disk(disk, 100_000)
         assert resume(job.output, steps=STEPS, workers={"in_process": True}).driven.complete
+        measured.compare(job.output, whole.run)
         assert result_bytes(job.output) == result_bytes(whole.run)

@@ -20,6 +20,7 @@ from jobs.config import JobConfig
 from jobs.results import RESULTS
 from jobs.submit import submit
 from tests.conftest import ROOT
+from tests.jobs.chaos.measured import Measured
 from tests.jobs.conftest import MakeJob
 from tests.models.counting_server import CountingServer
 from tests.workers.calling_steps import CALLS, STEPS
@@ -145,7 +146,12 @@ def test_drivers_killed_at_many_points_pay_for_nothing_twice(
 
 
 def kill_actors(
-    make_job: MakeJob, tmp_path: Path, whole: dict[str, bytes], seed: int, victims: tuple[str, ...]
+    make_job: MakeJob,
+    tmp_path: Path,
+    whole: dict[str, bytes],
+    seed: int,
+    victims: tuple[str, ...],
+    measured: Measured,
 ) -> CountingServer:
     points = np.sort(np.random.default_rng(seed).choice(np.arange(5, SENT - 10), len(victims), replace=False))
     with CountingServer(delay_s=0.05) as server:
@@ -156,7 +162,10 @@ def kill_actors(
                 pids = actors(process.pid, victim)
                 assert pids, f"no process {victim}"
                 os.kill(pids[0], signal.SIGKILL)
+                measured.struck()
             finish(process)
+        measured.ended(0)
+        measured.compare(job.output, str(tmp_path / "whole"))
         assert results(job.output) == whole
         check_totals(job, server)
         assert server.most_under_way <= CONCURRENCY * (1 + victims.count("Models"))
@@ -184,16 +193,21 @@ def ancestors(pid: int) -> set[int]:
     return found
 
 
+@pytest.mark.chaos("limiter killed")
 def test_a_killed_limiter_and_a_killed_actor_lose_no_answer(
-    make_job: MakeJob, tmp_path: Path, whole: dict[str, bytes]
+    make_job: MakeJob, tmp_path: Path, whole: dict[str, bytes], measured: Measured
 ) -> None:
-    server = kill_actors(make_job, tmp_path, whole, 1, ("Limiter", "Models"))
+    server = kill_actors(make_job, tmp_path, whole, 1, ("Limiter", "Models"), measured)
     assert server.sent <= SENT + CONCURRENCY, "only calls under way in the killed actor were sent again"
+    measured.sent_twice = server.sent - SENT
+    measured.note = "a model actor was killed as well, with calls under way"
 
 
 @pytest.mark.slow
+@pytest.mark.chaos("limiter killed")
 @pytest.mark.parametrize("seed", range(2, 8))
 def test_a_limiter_killed_at_any_point_costs_no_call(
-    make_job: MakeJob, tmp_path: Path, whole: dict[str, bytes], seed: int
+    make_job: MakeJob, tmp_path: Path, whole: dict[str, bytes], seed: int, measured: Measured
 ) -> None:
-    assert kill_actors(make_job, tmp_path, whole, seed, ("Limiter", "Limiter")).sent == SENT
+    assert kill_actors(make_job, tmp_path, whole, seed, ("Limiter", "Limiter"), measured).sent == SENT
+    measured.sent_twice = 0

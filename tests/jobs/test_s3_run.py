@@ -19,6 +19,7 @@ from jobs.verify import verify_run
 from schemas import object_store, storage
 from schemas.manifest import commit_unit, committed_units
 from tests.conftest import ROOT
+from tests.jobs.chaos.measured import Measured
 from tests.jobs.conftest import MakeJob
 from tests.schemas.s3_server import Proxy, address, s3
 from tests.workers.fake_steps import STEPS, answer
@@ -78,12 +79,14 @@ def test_killed_run_resumes_to_the_bytes_of_a_local_one(
     assert [event["event"] for event in read_events(run)][-1] == "ended"
 
 
+@pytest.mark.chaos("S3 away")
 def test_run_outlives_a_store_that_is_away_and_a_second_driver_finds_it_taken(
     make_scene: Callable[..., Path],
     make_job: MakeJob,
     tmp_path: Path,
     proxy: Proxy,
     monkeypatch: pytest.MonkeyPatch,
+    measured: Measured,
 ) -> None:
     monkeypatch.setattr(object_store, "WAITS_S", (0.05, 0.1, 0.2, 0.4, 0.8, 1.6))
     make_scene("a", TEXTS)
@@ -102,9 +105,10 @@ def test_run_outlives_a_store_that_is_away_and_a_second_driver_finds_it_taken(
         return "lost" if line.startswith("PUT") and len(puts) % 5 == 0 else ""
 
     proxy.fault = fault
-    assert submit(make_job("away", output=run, **local), steps=STEPS).driven.complete
+    assert measured.run(lambda: submit(make_job("away", output=run, **local), steps=STEPS)) is None
     proxy.fault = lambda line: ""
     assert started, "the store was away"
+    measured.compare(run, whole.run)
     assert results(run) == results(whole.run)
     assert verify_run(run).problems == []
     unit = committed_units(run)[0]

@@ -3,7 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.metrics.volume import gaussian_weights, volumes
+from pipeline.metrics.iou import weighted_iou
+from pipeline.metrics.volume import Weighting, gaussian_weights, volumes
 
 
 def _random(count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -59,3 +60,17 @@ def test_where_the_reference_volume_is_zero_only_gaussians_with_a_volume_weigh(s
     log_scales[:solid] = -2
     weights = gaussian_weights(log_scales, np.zeros(100, np.float32))
     assert weights.tolist() == [1.0] * solid + [0.0] * (100 - solid)
+
+
+@pytest.mark.parametrize("weighting", ["percentile", "lightgaussian"])
+def test_unlabelled_gaussians_weigh_nothing_and_leave_the_other_weights_alone(weighting: Weighting) -> None:
+    log_scales, logits = _random(500)
+    before = gaussian_weights(log_scales, logits, weighting)
+    instance = np.arange(500, dtype=np.int32) % 5 - 1
+    weights = gaussian_weights(log_scales, logits, weighting, instance)
+    assert (weights[instance < 0] == 0).all()
+    np.testing.assert_array_equal(weights[instance >= 0], before[instance >= 0])
+    # A prediction that covers them, too, loses nothing; one that covers another instance does.
+    target, unlabelled, other = (np.flatnonzero(instance == name) for name in (2, -1, 1))
+    assert weighted_iou(np.concatenate([target, unlabelled]), target, weights) == 1.0
+    assert weighted_iou(np.concatenate([target, other]), target, weights) < 0.9

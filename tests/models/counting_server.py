@@ -80,16 +80,18 @@ class CountingServer:
                 if self._delay_s:
                     await asyncio.sleep(self._delay_s)
                 self.under_way -= 1
-                writer.write(
-                    b"HTTP/1.1 200 OK\r\nContent-Type: application/json\r\nContent-Length: %d\r\n\r\n%b"
-                    % (len(reply), reply)
-                )
+                await self._reply(name, reply, writer)
                 await writer.drain()
                 self.answered[name] += 1
         except (asyncio.IncompleteReadError, ConnectionError, asyncio.CancelledError):
             pass  # the client is gone, or the test over
         finally:
             writer.close()
+
+    async def _reply(self, name: str, reply: bytes, writer: asyncio.StreamWriter) -> None:
+        """Write the whole answer to a call."""
+        head = b"HTTP/1.1 200 OK\r\nContent-Type: application/json\r\nContent-Length: %d\r\n\r\n" % len(reply)
+        writer.write(head + reply)
 
     def _take(self, body: bytes) -> tuple[str, bytes]:
         name = hashlib.sha256(body).hexdigest()

@@ -190,6 +190,19 @@ def test_a_killed_admission_made_anew_holds_rate_concurrency_and_caps(tmp_path: 
     assert [name for name, _ in second.grant(66.0).refused] == ["e"]
 
 
+@pytest.mark.parametrize(("later_s", "left_s"), [(600.0, 3000.0), (3601.0, 0.0), (-3600.0, 3600.0)])
+def test_a_wait_that_the_server_asked_for_outlasts_the_session(tmp_path: Path, later_s: float, left_s: float) -> None:
+    first = open_admissions(MODELS, BudgetConfig(), tmp_path, "s1", clock=lambda: 0.0, wall_clock=lambda: 9000.0)["e"]
+    first.wish(Wish("a", 10, 0.0))
+    first.grant(0.0)
+    first.done(Done("a", 0, 0.0, overloaded=True, pause_s=3600.0), 0.0)
+    clocks = {"clock": lambda: 50.0, "wall_clock": lambda: 9000.0 + later_s}
+    second = open_admissions(MODELS, BudgetConfig(), tmp_path, "s2", **clocks)["e"]
+    second.wish(Wish("b", 10, 0.0))
+    answer = second.grant(50.0)
+    assert (answer.granted, answer.wait_s or 0.0) == (() if left_s else ("b",), left_s)
+
+
 def test_calls_of_an_earlier_session_count_as_spent_and_hold_no_place(tmp_path: Path) -> None:
     journal = Journal(tmp_path / "j.jsonl", "s1", wall_clock=lambda: 100.0)
     journal.record(Wish("a", 50, 0.5))

@@ -89,3 +89,10 @@ def test_every_field_is_documented(model: type[BaseModel]) -> None:
 def test_config_survives_a_round_trip() -> None:
     config = ModelConfig.model_validate({"endpoints": {"local": LOCAL}, "default": "local"})
     assert ModelConfig.model_validate(config.model_dump(mode="json")) == config
+
+
+def test_repetition_is_part_of_the_identity_only_from_the_second_on() -> None:
+    first = EndpointConfig.model_validate({**LOCAL, "seed": 7})
+    second = first.model_copy(update={"repeat": 1})
+    assert "repeat" not in first.identity()  # replies stored before there were repetitions stay valid
+    assert second.identity() == first.identity() | {"repeat": 1}

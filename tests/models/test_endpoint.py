@@ -130,6 +130,12 @@ def test_complete_sends_parameters_and_leaves_out_what_is_null(server: Server) -
     assert set(server.bodies[1]) == {"model", "messages", "max_completion_tokens"}
 
 
+def test_complete_sends_another_seed_in_each_repetition_and_none_where_there_is_none(server: Server) -> None:
+    _complete(_client(server, seed=7, repeat=2))
+    _complete(_client(server, repeat=2))
+    assert [body.get("seed") for body in server.bodies] == [9, None]
+
+
 @pytest.mark.parametrize("form", ["png", "jpeg"])
 def test_complete_sends_images_as_data_uris_of_bounded_side(server: Server, form: str) -> None:
     color = np.zeros((60, 200, 3), np.uint8)
@@ -419,7 +425,7 @@ def test_identity_holds_what_changes_a_reply_and_nothing_else(server: Server) ->
     assert base["model"] == "m"
     for same in ({"concurrency": 3}, {"read_timeout_s": 9.0}, {"deadline_s": 9.0}):
         assert _client(server, **same).identity() == base
-    for other in ({"temperature": 0.5}, {"seed": 1}, {"images": {"side": 64}}, {"extra_body": {"a": 1}}):
+    for other in ({"temperature": 0.5}, {"seed": 1}, {"repeat": 1}, {"images": {"side": 64}}, {"extra_body": {"a": 1}}):
         assert _client(server, **other).identity() != base
 
 

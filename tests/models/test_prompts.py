@@ -27,12 +27,15 @@ VARIABLES: Mapping[str, Any] = {
     "answer": "on the desk",
     "prediction": "the desk",
     "extra_answers": ["beside the screen"],
+    "notes": ["This is the kitchen.", "In the middle is a table."],
 }
 NAMES = list(REQUIRED)
 CHANGES: Mapping[str, dict[str, Any]] = {
     "choice_image": {"design": "image"},
     "choice_image_text": {"design": "image_text", "candidates": ["On the desk.", "On it.", "I cannot tell."]},
     "judge": {"extra_answers": []},
+    "caption_object": {"object": "lamp"},
+    "answer_text_objects": {"design": "objects"},
 }
 """What makes a stage use a variant, or the judge its plain prompt."""
 TAGS: Mapping[str, str] = {
@@ -42,6 +45,8 @@ TAGS: Mapping[str, str] = {
     "answer": "reference",
     "prediction": "answer",
     "extra_answers": "accepted",
+    "notes": "notes",
+    "object": "object",
 }
 """Between which tags each placeholder stands."""
 EVIL = st.text(st.characters() | st.sampled_from("<>/\n\r\u2028\u202e\x00|{}")) | st.sampled_from(
@@ -92,13 +97,16 @@ def test_fill_leaves_no_placeholder_and_holds_every_value(name: TemplateName) ->
 @settings(deadline=None)
 @given(texts=st.lists(EVIL, min_size=3, max_size=3))
 def test_fill_no_text_leaves_its_line_or_its_tags(name: TemplateName, texts: list[str]) -> None:
-    changed = dict.fromkeys(("question", "answer", "prediction"), texts[0])
-    request = _fill(name, **changed, categories=texts, candidates=texts, extra_answers=texts if name != "judge" else [])
+    changed: dict[str, Any] = dict.fromkeys(("question", "answer", "prediction"), texts[0])
+    changed |= dict.fromkeys(("categories", "candidates", "notes"), texts)
+    changed |= {"extra_answers": texts if name != "judge" else []}
+    request = _fill(name, **changed, **({"object": texts[0]} if name == "caption_object" else {}))
     shown = [one_line(text) for text in texts]
     for placeholder in REQUIRED[name] - {"images", "k"}:
         data = _data(request, placeholder, name)
         lines = {
             "categories": shown,
+            "notes": shown,
             "candidates": [f"{index}: {text}" for index, text in enumerate(shown)],
             "extra_answers": [f"- {text}" for text in shown],
         }.get(placeholder)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
 from pipeline.geometry import Camera, look_at
 from pipeline.models.caller import Caller
-from pipeline.models.messages import Reply, Request
+from pipeline.models.messages import Reply, Request, Stage
 from pipeline.models.prompts import Prompts
 from pipeline.scene.gaussians import Gaussians
 from pipeline.scene.scene import Scene
@@ -19,7 +19,7 @@ from pipeline.scene.views import View
 
 UP = np.array([0.0, 0.0, 1.0])
 VOCABULARY = ("chair", "table", "wall", "zebra")
-STAGES = ("evidence", "view_answer", "choice", "verify", "answer_one", "answer_many", "judge", "caption")
+STAGES = get_args(Stage)
 
 
 def gaussians_at(means: np.ndarray, scale_m: float = 0.06, opacity_logit: float = 3.0, seed: int = 0) -> Gaussians:
@@ -110,6 +110,8 @@ DEFAULT_REPLIES: Mapping[str, Callable[[Request], str] | str] = {
     "answer_many": lambda request: "\n".join(f"Image {i}: Yes" for i in range(len(request.images()))),
     "judge": "Your mark: 4",
     "caption": "A chair stands beside a table.",
+    "answer_text": "A chair.",
+    "answer_blind": "A lamp.",
 }
 
 

@@ -92,7 +92,7 @@ def test_ground_truth_changes_scores_and_nothing_else(task: Task) -> None:
     seen, blind = _rows(question, asked), _rows(question, asked_blind, without_instances(tiny_scene()))
     assert blind.answers == seen.answers
     assert blind.regions == seen.regions
-    assert [dataclasses.replace(arm, iou=None) for arm in seen.arms] == list(blind.arms)
+    assert [dataclasses.replace(arm, iou=None, pair_ious=None) for arm in seen.arms] == list(blind.arms)
     assert [request.variables for request in asked.requests] == [request.variables for request in asked_blind.requests]
     if task != "eqa":
         assert all(arm.iou is not None for arm in seen.arms)

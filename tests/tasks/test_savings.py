@@ -252,3 +252,36 @@ def test_every_design_runs_to_an_answer_in_every_arm(task: Task, design: Design)
     names: dict[Design, TemplateName] = {"text": "choice", "image": "choice_image", "image_text": "choice_image_text"}
     hashes = {call.prompt_sha256 for call in decision.calls if call.stage == "choice"}
     assert hashes == {caller_of(client).prompts.sha256(names[design])}
+
+
+class TestAllViews:
+    """The design that chooses nothing: every candidate goes to the model at once."""
+
+    @pytest.mark.parametrize("task", ["eqa", "ground_one"])
+    def test_final_answer_sees_every_candidate_and_nothing_is_chosen(self, task: Task) -> None:
+        proposal = _proposal(task, "chair", "table")
+        client = _client(1_000_000)
+        decision = _decide(task, proposal, client, design="all_views")
+        everything = {candidate.picture for group in proposal.seen for candidate in group.candidates}
+        assert client.count("view_answer") == client.count("choice") == 0
+        assert set(decision.arms[1].pictures) == everything
+        assert len(decision.arms[1].pictures) == len(everything) > len(decision.arms[0].pictures)
+        assert {arm.result.status for arm in decision.arms} == {"answered"}
+
+    def test_many_targets_keep_the_initial_views(self) -> None:
+        decision = _decide("ground_many", _proposal("ground_many", "chair"), _client(9), design="all_views")
+        assert decision.arms[0].pictures == decision.arms[1].pictures == decision.arms[2].pictures
+
+    def test_views_that_a_policy_drops_are_not_shown(self) -> None:
+        proposal = TestSkipRedundantViews._with_new(_proposal("eqa", "table"), (0, 0, 5, 0, 1))
+        decision = _decide("eqa", proposal, _client(9), design="all_views", skip_redundant_views=True)
+        assert len(decision.arms[1].pictures) == 3
+
+    @pytest.mark.parametrize("task", TASKS)
+    @pytest.mark.parametrize("count", [0, 4])
+    def test_exact_savings_change_no_answer(self, task: Task, count: int) -> None:
+        proposal = _proposal(task, "chair", "table", count=count)
+        with_savings = _decide(task, proposal, _client(2), design="all_views")
+        without = _decide(task, proposal, _client(2), design="all_views", exact_savings=False)
+        assert _answers(with_savings, proposal, task) == _answers(without, proposal, task)
+        assert len(with_savings.calls) + sum(saved.calls for saved in with_savings.saved) == len(without.calls)

@@ -52,7 +52,7 @@ def no_thumbnails(proposal: Any, rows: Any) -> dict[str, Any]:
     return {}
 
 
-def failed_rows(question: Question, error: Exception) -> dict[str, tuple[Any, ...]]:
+def failed_rows(question: Question, error: Exception, method: Any = None) -> dict[str, tuple[Any, ...]]:
     return {**fake_steps.failed_rows(question, error), "calls": rows_of(error)}
 
 

@@ -28,6 +28,9 @@ POSE = tuple(float(i) for i in range(12))
 MARKS = "FAKE_STEPS_MARKS"
 """Environment variable with the folder where faults leave a mark, so that they happen once, whoever retries."""
 
+EATEN = "FAKE_STEPS_EATEN"
+"""Environment variable with the bytes that a question takes which eats memory; it takes none without."""
+
 
 def once(question: Question) -> bool:
     """True the first time for a question, whatever process asks."""
@@ -122,6 +125,14 @@ async def find_evidence(question: Question, vocabulary: tuple[str, ...], caller:
     return vocabulary[len(question.question) % 2]
 
 
+def eat() -> None:
+    """Take memory and keep it for a while, so that whoever watches sees it."""
+    if wanted := int(os.environ.get(EATEN, "0")):
+        taken = [np.ones(1 << 24, np.uint8) for _ in range(wanted >> 24)]
+        time.sleep(20)
+        del taken
+
+
 def propose(context: dict[str, Any], question: Question, evidence: str, method: Any) -> dict[str, Any]:
     if "slow" in question.question:
         time.sleep(0.1)
@@ -129,6 +140,8 @@ def propose(context: dict[str, Any], question: Question, evidence: str, method: 
         os._exit(9)
     if "always kills" in question.question:
         os._exit(9)
+    if "eats memory" in question.question:
+        eat()
     if "bug" in question.question:
         raise ZeroDivisionError("division by zero")
     context["index"].add(len(question.question) % VIEWS)  # a runner with one process renders what a question needs
@@ -166,7 +179,7 @@ def tables(rows: dict[str, tuple[Any, ...]]) -> Tables:
     return rows
 
 
-def failed_rows(question: Question, error: Exception) -> dict[str, tuple[Any, ...]]:
+def failed_rows(question: Question, error: Exception, method: Any = None) -> dict[str, tuple[Any, ...]]:
     return {"answers": (answer(question, status="failed", reason=f"{type(error).__name__}: {error}"),)}
 
 

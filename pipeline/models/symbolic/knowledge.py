@@ -10,6 +10,8 @@ STRUCTURE = frozenset(listed_in("wall, floor, ceiling, doorframe, column, pillar
 GROUND = frozenset(listed_in("floor, mat, rug, carpet, shower floor"))
 """What stands on these is on the floor, which says little about where it is."""
 
+BUILDING = STRUCTURE | GROUND
+
 UPRIGHT = frozenset(listed_in("wall, closet wall, shower wall, door, window, divider, column, pillar"))
 """Things hang on these."""
 

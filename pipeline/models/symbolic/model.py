@@ -12,12 +12,15 @@ from typing import Any
 
 from pipeline.models.messages import ImagePart, Reply, Request
 from pipeline.models.symbolic.answer_view import answer_view
-from pipeline.models.symbolic.caption import caption
+from pipeline.models.symbolic.blind import answer_blind
+from pipeline.models.symbolic.caption import caption, caption_object
 from pipeline.models.symbolic.choose import choose, verify
 from pipeline.models.symbolic.combine import answer_many, answer_one, choose_view
 from pipeline.models.symbolic.evidence import rank_evidence
+from pipeline.models.symbolic.from_text import answer_from_text
 from pipeline.models.symbolic.judge import judge
 from pipeline.models.symbolic.parse_question import parse_question
+from pipeline.models.symbolic.perceive import View
 from pipeline.models.symbolic.phrases import Query
 from pipeline.models.symbolic.sight import Sight
 from schemas.errors import InputError
@@ -25,7 +28,7 @@ from schemas.errors import InputError
 RULES = "2"
 """Version of the rules: it enters every cache key, so it changes whenever an answer may."""
 KEPT_VIEWS = 512
-"""Perceived views kept, about 10 kB each: the candidates of the questions in flight."""
+"""Perceived views kept, about 100 kB each: the candidates of the questions in flight."""
 
 
 class SymbolicModel:
@@ -61,7 +64,7 @@ class SymbolicModel:
 
     def _answer(self, request: Request) -> str:
         if request.stage == "caption":
-            return caption(self.sight.view(self._images(request)[0]))
+            return self._caption(self.sight.view(self._images(request)[0]), request.variables.get("object"))
         question = str(self._variable(request, "question"))
         match request.stage:
             case "evidence":
@@ -77,9 +80,21 @@ class SymbolicModel:
                 return (
                     f"Your mark: {judge(question, reference, prediction, request.variables.get('extra_answers') or ())}"
                 )
+            case "answer_text":
+                notes, of_objects = self._variable(request, "notes"), request.variables.get("design") == "objects"
+                return answer_from_text(question, notes, of_objects=of_objects)
+            case "answer_blind":
+                return answer_blind(question)
             case "view_answer" | "answer_one" | "answer_many":
                 return self._look(request, question)
         raise InputError("symbolic model", field="stage", expected="a known stage", found=request.stage)
+
+    def _caption(self, view: View, name: str | None) -> str:
+        """Baselines ask for the same descriptions with every question."""
+        key = "" if name is None else name
+        if key not in view.captions:
+            view.captions[key] = caption(view) if name is None else caption_object(view, name)
+        return view.captions[key]
 
     def _choose_by_sight(self, request: Request, question: str) -> int:
         images = self._images(request)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pipeline.models.symbolic.knowledge import GROUND, STRUCTURE, UPRIGHT
+from pipeline.models.symbolic.knowledge import BUILDING, GROUND, UPRIGHT
+from pipeline.models.symbolic.pairs import NEXT_TO_M
 from pipeline.models.symbolic.perceive import View
 from pipeline.models.symbolic.phrases import Phrase
-from pipeline.models.symbolic.relations import above, behind, gap_m, inside, next_to, on, under
+from pipeline.models.symbolic.relations import gaps_m, next_to
 from pipeline.models.symbolic.words import singular
 
 SPOKEN = {"left": "to the left of", "right": "to the right of", "nearest": "nearest to", "farthest": "farthest from"}
@@ -85,42 +86,50 @@ def place_of(view: View, index: int, *, without: frozenset[str] = frozenset()) -
     """
     thing = view.things[index]
     others = [i for i, other in enumerate(view.things) if i != index and other.name not in without]
-    furniture = [i for i in others if view.things[i].kind not in STRUCTURE | GROUND]
-    for relation, words in ((inside, "in"), (on, "on"), (under, "under")):
+    furniture = [i for i in others if view.things[i].kind not in BUILDING]
+    standing = view.pairs.standing
+    on = standing.on[index]
+    for table, words in ((standing.inside, "in"), (standing.on, "on"), (standing.under, "under")):
         # What is below a window is next to it.
-        holders = [i for i in furniture if relation(view, index, i) >= 1.0 and view.things[i].name != thing.name]
-        if words != "in":
-            holders = [i for i in holders if view.things[i].kind not in UPRIGHT]
+        holders = [
+            i
+            for i in furniture
+            if table[index][i]
+            and view.things[i].name != thing.name
+            and (words == "in" or view.things[i].kind not in UPRIGHT)
+        ]
         if holders:
             size = -1.0 if words == "under" else 1.0
             best = min(holders, key=lambda i: (-view.contacts.get((index, i), 0.0), size * view.things[i].share, i))
             return f"{words} the {view.things[best].name}", view.things[best].clear
     beside = _beside(view, index, furniture)
-    hanging = [i for i in others if view.things[i].kind in UPRIGHT and on(view, index, i) >= 1.0]
+    hanging = [i for i in others if on[i] and view.things[i].kind in UPRIGHT]
     if hanging:
-        over = [i for i in furniture if above(view, index, i) >= 1.0]
+        over = [i for i in furniture if standing.above[index][i]]
         place = f"on the {view.things[hanging[0]].name}"
         if over:
             largest = min(over, key=lambda i: (-view.things[i].share, i))
             return f"{place} above the {view.things[largest].name}", view.things[largest].clear
         return (f"{place} {beside[0]}", beside[1]) if beside else (place, True)
-    for i in sorted(furniture, key=lambda i: (gap_m(view, index, i), i)):
-        if behind(view, index, i) >= 1.0 and view.covers.get((i, index), 0.0) >= PARTLY_HIDDEN:
-            return f"behind the {view.things[i].name}", view.things[i].clear
+    behind = standing.behind[index]
+    hiding = [i for i in furniture if behind[i] and view.covers.get((i, index), 0.0) >= PARTLY_HIDDEN]
+    if hiding:
+        nearest = min(hiding, key=lambda i: (gaps_m(view, index)[i], i))
+        return f"behind the {view.things[nearest].name}", view.things[nearest].clear
     if beside:
         return beside
-    standing = [i for i in others if view.things[i].kind in GROUND and on(view, index, i) >= 1.0]
-    return (f"on the {view.things[standing[0]].name}", False) if standing else None
+    ground = [i for i in others if on[i] and view.things[i].kind in GROUND]
+    return (f"on the {view.things[ground[0]].name}", False) if ground else None
 
 
 def _beside(view: View, index: int, furniture: Sequence[int]) -> tuple[str, bool] | None:
     """The nearest neighbour, furniture that everybody sees before small things."""
-    thing = view.things[index]
-    close = [(i, next_to(view, index, i)) for i in furniture if view.things[i].name != thing.name]
-    close = [(i, degree) for i, degree in close if degree > 0.5]
-    if not close:
+    thing, gaps, beside = view.things[index], gaps_m(view, index), view.pairs.standing.beside[index]
+    close = [i for i in furniture if beside[i] and gaps[i] < 2 * NEXT_TO_M and view.things[i].name != thing.name]
+    degrees = [(i, degree) for i in close if (degree := next_to(view, index, i)) > 0.5]
+    if not degrees:
         return None
-    best, degree = max(close, key=lambda pair: (round(pair[1], 2), view.things[pair[0]].share, -pair[0]))
+    best, degree = max(degrees, key=lambda pair: (round(pair[1], 2), view.things[pair[0]].share, -pair[0]))
     return f"next to the {view.things[best].name}", degree >= 1.0 and view.things[best].clear
 
 
