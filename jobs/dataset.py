@@ -84,11 +84,20 @@ def scene_sha256(uri: str) -> str:
 
 
 def file_sha256(uri: str) -> str:
+    """Return the SHA-256 of a file's content.
+
+    Raises:
+        InputError: It cannot be read.
+        RetryError: A remote store failed to answer.
+    """
     path = storage.local_path(uri)
     if path is None:
         return hashlib.sha256(storage.read_bytes(uri)).hexdigest()
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
+    try:
+        with path.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except OSError as error:
+        raise InputError(uri, expected="a file that can be read", found=error.strerror) from error
 
 
 def load_dataset(

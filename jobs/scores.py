@@ -14,7 +14,7 @@ from jaxtyping import Float64
 
 from pipeline.metrics.accuracy import accuracy_at
 from pipeline.metrics.llm_match import match_score
-from pipeline.metrics.multi_target import F1_PERCENTS, count_error, f1_score, zero_target_score
+from pipeline.metrics.multi_target import F1_PERCENTS, f1_score, zero_target_score
 from pipeline.metrics.significance import Interval, bootstrap_interval, permutation_p
 from schemas.answers import Status
 from schemas.errors import InputError
@@ -29,11 +29,13 @@ PAIRS = (("initial", "final"), ("final", "verified"), ("initial", "verified"))
 IOU_METRIC = {"ground_one": "miou", "ground_many": "instance_miou"}
 """What the IoU of a grounding task is called; the other metrics are llm_match, acc@k, `MATCHED` and `COUNTED`."""
 
-MATCHED = (*(f"f1@{percent}" for percent in F1_PERCENTS), "zero_target")
-"""Of ground_many, 0 to 100: Multi3DRefer's F1, and accuracy on the questions without targets alone."""
+MATCHED = (*(f"f1@{percent}" for percent in F1_PERCENTS), "zero_target", "count_exact")
+"""Of ground_many, 0 to 100: Multi3DRefer's F1, accuracy on the questions without targets alone, and how often as many
+instances are predicted as there are."""
 
-COUNTED = ("count_error", "frames")
-"""Not of 0 to 100: instances too many or too few (ground_many), and views given to the model."""
+COUNTED = ("count_error", "count_bias", "frames")
+"""Not of 0 to 100: instances too many or too few (ground_many) and the same with its sign, as means they are the fields
+of `pipeline.metrics.count_error.CountError`; and views given to the model."""
 
 STATUSES: tuple[Status, ...] = get_args(Status)
 
@@ -134,7 +136,9 @@ def _matched(rows: pd.DataFrame, arms: pd.DataFrame) -> Iterator[pd.DataFrame]:
         yield _metric(rows, f"f1@{percent}", scored(partial(f1, percent=percent)))
     without = rows[counts["targets"].eq(0).fillna(False).astype(bool)]
     yield _metric(without, "zero_target", scored(lambda _, predicted, targets: 100 * zero_target_score(predicted)))
-    yield _metric(rows, "count_error", scored(lambda _, predicted, targets: count_error(predicted, targets)))
+    yield _metric(rows, "count_exact", scored(lambda _, predicted, targets: 100.0 * (predicted == targets)))
+    yield _metric(rows, "count_error", scored(lambda _, predicted, targets: abs(predicted - targets)))
+    yield _metric(rows, "count_bias", scored(lambda _, predicted, targets: predicted - targets))
 
 
 def _metric(rows: pd.DataFrame, name: str, scores: pd.Series[float]) -> pd.DataFrame:

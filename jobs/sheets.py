@@ -19,11 +19,13 @@ METRIC_NAMES = {
     "miou": "3D mIoU",
     "instance_miou": "instance mIoU",
     "zero_target": "zero-target",
+    "count_exact": "count right",
     "count_error": "count error",
+    "count_bias": "count bias",
 }
 MAIN_METRICS = ("llm_match", *IOU_METRIC.values())
 """The one score of each task."""
-MATCHING = (*MATCHED, "count_error")
+MATCHING = (*MATCHED, "count_error", "count_bias")
 """Scores of the sheet on matched instances."""
 
 SCENES_SHOWN = 30
@@ -173,7 +175,7 @@ def _matching(arms: pd.DataFrame) -> Sheet:
         by_metric = group.set_index("metric")
         cells = [
             _number(by_metric.loc[name]["mean"], digits) if name in by_metric.index else "–"
-            for name, digits in zip(MATCHING, (1, 1, 1, 2), strict=True)
+            for name, digits in zip(MATCHING, (1, 1, 1, 1, 2, 2), strict=True)
         ]
         zero = f"{by_metric.loc['zero_target']['scored']}" if "zero_target" in by_metric.index else "0"
         scored = by_metric.loc[MATCHING[0]]
@@ -181,7 +183,7 @@ def _matching(arms: pd.DataFrame) -> Sheet:
     first = _method_column(arms)
     columns = (*first, "Arm", *map(metric_name, MATCHING), "without targets", "scored")
     note = "Multi3DRefer's F1 of instances matched at an IoU of 25 % and 50 %, its accuracy on questions without "
-    note += "targets, and by how many instances the count is wrong."
+    note += "targets, how often the count is right, by how many instances it is wrong, and the same with its sign."
     return Sheet("matching", "Grounding, many: matched instances", note, columns, tuple(rows), len(first) + 1)
 
 

@@ -53,8 +53,8 @@ class Column(BaseModel):
 
     label: str = Field(min_length=1, description="header")
     metric: str = Field(
-        description="llm_match, miou, instance_miou, acc@K, f1@25, f1@50, zero_target, count_error, frames; or by run: "
-        "calls, tokens, seconds, seconds@STAGE+STAGE"
+        description="llm_match, miou, instance_miou, acc@K, f1@25, f1@50, zero_target, count_exact, count_error, "
+        "count_bias, frames; or by run: calls, tokens, seconds, seconds@STAGE+STAGE"
     )
     value: Literal["mean", "p"] = Field(
         "mean", description="mean: with its interval; p: of the paired t test against row `against`"

@@ -67,6 +67,8 @@ def notes(table: Table, cells: list[Cell]) -> list[str]:
     few = {cell.scenes for cell in measured if 1 < cell.scenes < 10}
     if few:
         told.append(f"{max(few)} scenes are too few for an interval to speak of others.")
+    if any(cell.scenes == 1 for cell in measured):
+        told.append("With one scene an interval draws questions alone, and speaks of this scene only.")
     for cell in measured:
         if cell.pending:
             label = table.config.rows[cell.row].label

@@ -1,4 +1,4 @@
-"""Multi3DRefer's scores of one question: F1 of matched instances at an IoU threshold, zero targets, and the count.
+"""Multi3DRefer's scores of one question: F1 of matched instances at an IoU threshold, and zero targets.
 
 The matching is that of `instance_iou`: IoUs alone decide it, the threshold only counts (M3DRef-CLIP's evaluation, which
 pads the IoU table with zeros to a square; that adds pairs of IoU 0 and changes no other).
@@ -39,8 +39,3 @@ def f1_score(pair_ious: Sequence[float], predicted: int, targets: int, percent: 
 def zero_target_score(predicted: int) -> float:
     """Return 1 if nothing was predicted for a question without targets, 0 otherwise."""
     return float(predicted == 0)
-
-
-def count_error(predicted: int, targets: int) -> int:
-    """Return by how many instances the prediction misses the number of targets, 0 or more."""
-    return abs(predicted - targets)

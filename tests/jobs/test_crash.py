@@ -32,7 +32,7 @@ from tests.jobs.faults import (
     small_disk,
     wait_for_commits,
 )
-from tests.workers.fake_steps import STEPS
+from tests.workers.fake_steps import SLOW_S, STEPS
 
 TEXTS = ["slow a", "slow no evidence", "slow b", "slow cc", "slow bug"] * 3
 
@@ -77,14 +77,16 @@ def test_signal_commits_what_is_done_and_exits_130(
     make_scene: Callable[..., Path],
     make_job: MakeJob,
     tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
     number: signal.Signals,
     in_process: bool,
     measured: Measured,
 ) -> None:
-    make_scene("a", [text.removeprefix("slow ") for text in TEXTS * 4])
+    make_scene("a", TEXTS * 4)
+    monkeypatch.setenv(SLOW_S, "0")
     whole = submit(make_job("whole"), steps=STEPS).run
     job = make_job(workers={"in_process": in_process})
-    with driver("submit", job_file(job, tmp_path)) as process:
+    with driver("submit", job_file(job, tmp_path), **{SLOW_S: "0.1"}) as process:
         wait_for_commits(job.output, 2, process)
         process.send_signal(number)
         measured.struck()
@@ -144,12 +146,19 @@ def test_driver_that_slept_while_another_finished_its_run_is_fenced_out(
 @pytest.mark.chaos("GCS loss")
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "stuck"])
 def test_driver_whose_ray_loses_its_head_ends_in_time_and_can_be_resumed(
-    make_scene: Callable[..., Path], make_job: MakeJob, tmp_path: Path, number: signal.Signals, measured: Measured
+    make_scene: Callable[..., Path],
+    make_job: MakeJob,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    number: signal.Signals,
+    measured: Measured,
 ) -> None:
     make_scene("a", TEXTS * 10)
+    monkeypatch.setenv(SLOW_S, "0")
     whole = submit(make_job("whole"), steps=STEPS).run
     job = make_job("headless", workers={"in_process": False})
-    with driver("submit", job_file(job, tmp_path)) as process:
+    # What has begun goes on without the head: there must be more to do than the silence lasts.
+    with driver("submit", job_file(job, tmp_path), **{SLOW_S: "1"}) as process:
         wait_for_commits(job.output, 2, process)
         head = kill_process(process.pid, HEAD, number)
         measured.struck()

@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 from jobs.scores import Options, compare, in_order, score_rows, summarise
+from pipeline.metrics.count_error import count_error
 from pipeline.metrics.llm_match import match_score
 from schemas.answers import AnswerRow, ArmRow
 from schemas.errors import InputError
@@ -54,6 +55,7 @@ ANSWER = AnswerRow(
     model="symbolic",
 )
 QUICK = Options(resamples=200)
+COUNTS = ("count_exact", "count_error", "count_bias")
 
 
 def frames(*rows: dict[str, Any], reference: str | None = "r") -> tuple[pd.DataFrame, pd.DataFrame]:
@@ -154,7 +156,7 @@ def test_summarise_keeps_the_order_of_tasks_arms_and_metrics() -> None:
     assert summary["task"].drop_duplicates().tolist() == ["ground_one", "ground_many"]
     assert summary["arm"].drop_duplicates().tolist() == ["initial", "final", "verified", "other"]
     many = summary[(summary["task"] == "ground_many") & (summary["arm"] == "final")]
-    assert many["metric"].tolist() == ["instance_miou", "acc@10", "acc@8", "f1@25", "f1@50", "count_error", "frames"]
+    assert many["metric"].tolist() == ["instance_miou", "acc@10", "acc@8", "f1@25", "f1@50", *COUNTS, "frames"]
 
 
 def test_summarise_and_compare_of_nothing_are_empty_with_their_columns() -> None:
@@ -237,11 +239,19 @@ def test_summarise_zero_target_accuracy_counts_only_questions_without_targets() 
     rows = [_many("a", 2, 3, (0.6, 0.25)), _many("b", 0, 0, ()), _many("c", 2, 0, ())]
     summary = summarise(_scores(*rows), ["method", "task", "arm"], QUICK)
     assert (_row(summary, "zero_target")["mean"], _row(summary, "zero_target")["questions"]) == (50, 2)
-    errors = _row(summary, "count_error")
-    assert (errors["mean"], errors["scored"]) == (1.0, 3)
-    assert pd.isna(errors["mean_zero"])
+    wanted = count_error([2, 0, 2], [3, 0, 0])
+    means = [_row(summary, metric)["mean"] for metric in COUNTS]
+    assert means == pytest.approx([100 * wanted.exact, wanted.mean_absolute, wanted.bias])
+    assert pd.isna(_row(summary, "count_error")["mean_zero"])
 
 
 def test_compare_leaves_counts_out() -> None:
     rows = [_many("a", 2, 3, (0.6, 0.25)) | {"arm": arm} for arm in ("initial", "final")]
-    assert set(compare(_scores(*rows), QUICK)["metric"]) == {"instance_miou", "acc@8", "acc@10", "f1@25", "f1@50"}
+    assert set(compare(_scores(*rows), QUICK)["metric"]) == {
+        "instance_miou",
+        "acc@8",
+        "acc@10",
+        "f1@25",
+        "f1@50",
+        "count_exact",
+    }

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.metrics.instance_iou import instance_iou
-from pipeline.metrics.multi_target import F1_PERCENTS, count_error, f1_score, zero_target_score
+from pipeline.metrics.multi_target import F1_PERCENTS, f1_score, zero_target_score
 
 SIDE = 6
 """Cubes along each axis of the room: small, so that random boxes overlap."""
@@ -113,7 +113,3 @@ def test_f1_refuses_pairs_that_cannot_be() -> None:
         f1_score([0.5, 0.5], 1, 3, 25)
     with pytest.raises(ValueError, match="above 0"):
         f1_score([0.0], 1, 1, 0)
-
-
-def test_count_error_is_the_same_for_too_many_and_too_few() -> None:
-    assert [count_error(*pair) for pair in ((2, 2), (5, 2), (0, 3))] == [0, 3, 3]

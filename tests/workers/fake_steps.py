@@ -31,6 +31,9 @@ MARKS = "FAKE_STEPS_MARKS"
 EATEN = "FAKE_STEPS_EATEN"
 """Environment variable with the bytes that a question takes which eats memory; it takes none without."""
 
+SLOW_S = "FAKE_STEPS_SLOW_S"
+"""Environment variable with the seconds that a slow question takes; 0.1 without."""
+
 
 def once(question: Question) -> bool:
     """True the first time for a question, whatever process asks."""
@@ -135,7 +138,7 @@ def eat() -> None:
 
 def propose(context: dict[str, Any], question: Question, evidence: str, method: Any) -> dict[str, Any]:
     if "slow" in question.question:
-        time.sleep(0.1)
+        time.sleep(float(os.environ.get(SLOW_S, "0.1")))
     if "kill the worker" in question.question and once(question):
         os._exit(9)
     if "always kills" in question.question:
