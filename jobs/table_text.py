@@ -9,6 +9,7 @@ import pandas as pd
 from jobs.scores import COUNTED
 from jobs.table_file import Column, Table
 from jobs.table_scores import Cell
+from pipeline.metrics.significance import FEW_SCENES
 
 PAPER, INTERVAL, ZERO = "  paper", "  95 %", "  if 0"
 NOTHING = "–"
@@ -64,7 +65,7 @@ def notes(table: Table, cells: list[Cell]) -> list[str]:
         )
     if any(_differs(cell) for cell in measured):
         told.append("if 0: with 0 for each question that ended without a score, as OpenEQA counts a missing answer.")
-    few = {cell.scenes for cell in measured if 1 < cell.scenes < 10}
+    few = {cell.scenes for cell in measured if 1 < cell.scenes < FEW_SCENES}
     if few:
         told.append(f"{max(few)} scenes are too few for an interval to speak of others.")
     if any(cell.scenes == 1 for cell in measured):
