@@ -1,4 +1,4 @@
-"""Copies of scenes whose Gaussians lie scattered about their surfaces, as without a depth loss. A stand-in, no training.
+"""Copies of scenes whose Gaussians lie scattered about their surfaces: a stand-in for training without depth loss.
 
     python examples/noisy_scenes.py --output demo/noisy demo/scenes/apartment-*
 

@@ -178,6 +178,7 @@ def dispatch(
         now = clock()
         overdue = {handle for handle, batch in running.items() if now > batch.deadline} - ended
         for handle in [handle for handle in running if handle in ended or handle in overdue]:
+            should_stop()  # without a head each of these results is waited for in vain: the first is enough
             batch = running.pop(handle).tries
             in_flight -= len(batch)
             results = _results(backend, handle, batch, limits.timeout_s if handle in overdue else None, pace)

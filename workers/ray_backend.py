@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import ray
@@ -202,8 +201,8 @@ class OnRay:
     def close(self) -> None:
         """End the actors; the session ends the rest."""
         ray.wait([actor.close.remote() for actor in self._models], num_returns=len(self._models), timeout=CLOSE_S)
-        for actor in (*self._models, *filter(None, [self._limiter])):
-            bounded(partial(ray.kill, actor), KILL_S)
+        actors = (*self._models, *filter(None, [self._limiter]))
+        bounded(lambda: [ray.kill(actor) for actor in actors], KILL_S)
         self._models, self._limiter = [], None
 
 

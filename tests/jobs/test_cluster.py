@@ -59,4 +59,4 @@ def test_run_whose_node_dies_ends_with_the_rows_of_an_undisturbed_one(
     measured.compare(job.output, whole.run)
     assert result_bytes(job.output) == result_bytes(whole.run)
     assert read_table(job.output, "answers")["question_id"].is_unique
-    assert "ray" not in said, "Ray's own words"
+    assert "Traceback" not in said, "at most a line of Ray's own on what it lost"

@@ -157,6 +157,25 @@ def test_stop_error_ends_the_run_after_what_is_in_flight() -> None:
     assert len(backend.submitted) == 4
 
 
+def test_backend_that_is_lost_is_noticed_before_the_next_result_is_waited_for() -> None:
+    backend, asked = FakeBackend(lambda name, attempt: {"answers": ()}, at_once=3), list[str]()
+    took = backend.result
+
+    def result(handle: Handle) -> Ended:
+        asked.append(handle[0][0])
+        return took(handle)
+
+    def lost() -> bool:
+        if asked:
+            raise StopError("the head is gone")
+        return False
+
+    backend.result = result  # type: ignore[method-assign]
+    with pytest.raises(StopError):
+        run(backend, [unit(0, ["a", "b", "c"])], should_stop=lost, limits={"batch": 1})
+    assert len(asked) == 1
+
+
 def test_wish_to_stop_begins_nothing_new_and_lets_the_rest_end() -> None:
     backend = FakeBackend(lambda name, attempt: {"answers": ()})
     found = run(backend, [unit(0, ["a"] * 9)], should_stop=lambda: backend.clock >= 2)
