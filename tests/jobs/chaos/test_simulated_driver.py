@@ -93,6 +93,7 @@ class Planned:
             disk.names[run / name] = Inode(data, data)
         patch.setattr(local_files, "DISK", disk)
         patch.setattr(compaction, "BLOCK_QUESTIONS", BLOCK)
+        patch.setattr(lock, "ABANDONED_S", 0.0)
         patch.setattr(lock, "BEAT_S", 1e6)  # a beat falls nowhere, so that the same touches come each time
         machine = Machine(str(run), self.config, disk, patch)
         patch.setattr(drive, "dispatch", partial(drive.dispatch, clock=machine.clock, sleep=machine.clock.sleep))
