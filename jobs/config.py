@@ -10,8 +10,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
+from jobs.dataset_config import PATHS, DatasetConfig
 from jobs.yaml_file import read_yaml
 from pipeline.baselines.config import AnyMethod
 from pipeline.config import MethodConfig
@@ -75,12 +84,17 @@ class JobConfig(BaseModel):
     name: str = Field(min_length=1, max_length=200, description="name of the run, shown in reports")
     output: str = Field(min_length=1, description="run folder, a path or URI; made where it does not exist")
     scenes: tuple[str, ...] = Field(
-        min_length=1, description="scene folders as paths, URIs or patterns such as scenes/*; one or a list"
+        (), description="scene folders as paths, URIs or patterns such as scenes/*; one or a list; none with a dataset"
     )
     questions: str = Field(
         IN_SCENE,
         min_length=1,
         description='a question file, or "scene" for the questions.jsonl in each scene folder',
+    )
+    dataset: DatasetConfig | None = Field(
+        None,
+        validate_default=True,
+        description="a benchmark in its official files, in place of scenes and questions",
     )
     tasks: tuple[Task, ...] = Field(TASKS, min_length=1, description="tasks to keep: eqa, ground_one, ground_many")
     limit: int | None = Field(None, ge=1, description="first questions of each scene to keep; null keeps all")
@@ -120,6 +134,16 @@ class JobConfig(BaseModel):
     @classmethod
     def _one_is_a_list(cls, value: Any) -> Any:
         return (value,) if isinstance(value, str) else value
+
+    @field_validator("dataset")
+    @classmethod
+    def _one_source_of_questions(cls, value: DatasetConfig | None, info: ValidationInfo) -> DatasetConfig | None:
+        scenes, questions = info.data.get("scenes"), info.data.get("questions", IN_SCENE)
+        if value is None and scenes == ():
+            raise ValueError("scenes or a dataset to be given")
+        if value is not None and (scenes or questions != IN_SCENE):
+            raise ValueError("no scenes and questions beside a dataset, which brings its own")
+        return value
 
     @model_validator(mode="after")
     def _calls_are_local(self) -> JobConfig:
@@ -166,6 +190,10 @@ def anchored_paths(job: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     for field in ("output", "questions", "scenes", "calls", "visibility"):
         if field in found and not (field == "questions" and found[field] == IN_SCENE):
             found[field] = _anchored(found[field], folder)
+    dataset = found.get("dataset")
+    if isinstance(dataset, dict):
+        paths = {name: _anchored(dataset[name], folder) for name in PATHS if name in dataset}
+        found["dataset"] = {**dataset, **paths}
     models = found.get("models")
     if isinstance(models, dict) and "prompts" in models:
         found["models"] = {**models, "prompts": _anchored(models["prompts"], folder)}

@@ -10,10 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from jobs.config import IN_SCENE, JobConfig
+from jobs.dataset_config import DatasetConfig
 from jobs.problems import Problems
 from jobs.question_index import QuestionIndex
+from pipeline.datasets import load_dataset_questions
+from pipeline.datasets.missing import missing_scenes, scene_folders
 from pipeline.scene.load import read_views
-from pipeline.scene.scene_file import OBJECTS, QUESTIONS, find_parts
+from pipeline.scene.scene_file import OBJECTS, QUESTIONS, SceneParts, find_parts
 from schemas import storage
 from schemas.errors import InputError
 from schemas.questions import Question
@@ -116,6 +119,22 @@ def load_dataset(
             first problem is the message and the others are its notes.
     """
     problems = Problems()
+    if config.dataset is not None:
+        uris, index = _official(config, config.dataset, problems, warn)
+    else:
+        uris, index = _listed(config, subject, problems, warn)
+    index.find_repeated(problems)
+    problems.refuse()
+    if not index.kept:
+        expected = f"a question of task {' or '.join(config.tasks)}"
+        raise InputError(subject, field="questions", expected=expected, found="none")
+    return Dataset(uris, index)
+
+
+def _listed(
+    config: JobConfig, subject: object, problems: Problems, warn: Callable[[str], None]
+) -> tuple[dict[str, str], QuestionIndex]:
+    """Return the scenes that a job lists by name, and their questions."""
     uris: dict[str, str] = {}
     files: list[str] = []
     for uri in find_scenes(config.scenes, subject, problems):
@@ -126,21 +145,67 @@ def load_dataset(
                 raise InputError(uri, field="name", expected="a name no other scene has", found=found)
             uris[parts.name] = uri
             files.append(storage.join(uri, QUESTIONS))
-            for line in read_views(parts).warnings:
-                warn(f"{uri}: {line}")
+            _warn_of_views(parts, uri, warn)
         except InputError as error:
             # Some errors know the scene by its name only.
-            named = InputError(uri, field=error.field, expected=error.expected, found=error.found)
-            problems.add(error if uri in error.subject else named)
+            problems.add(error if uri in error.subject else _of(uri, error))
     index = QuestionIndex(list(uris), config.tasks, config.limit, refuse_others=config.other_scenes == "refuse")
     for file in files if config.questions == IN_SCENE else [config.questions]:
         index.read(file, problems)
-    index.find_repeated(problems)
-    problems.refuse()
-    if not index.kept:
-        expected = f"a question of task {' or '.join(config.tasks)}"
-        raise InputError(subject, field="questions", expected=expected, found="none")
-    return Dataset(uris, index)
+    return uris, index
+
+
+def _official(
+    config: JobConfig, dataset: DatasetConfig, problems: Problems, warn: Callable[[str], None]
+) -> tuple[dict[str, str], QuestionIndex]:
+    """Return the scenes below a dataset's roots that its questions ask about, and the questions."""
+    questions = load_dataset_questions(
+        dataset.kind,
+        dataset.path,
+        dataset.subset,
+        subset_file=dataset.subset_file,
+        labels=dataset.labels,
+        objects=dataset.objects,
+    )
+    questions = tuple(question for question in questions if question.task in config.tasks)
+    uris: dict[str, str] = {}
+    skips = dataset.missing == "skip"
+    absent = missing_scenes(questions, dataset.roots)
+    for scene in absent:
+        if skips:
+            warn(f"left out: {scene}")
+        else:
+            expected = f"a scene at {scene.looked_in[0]}"
+            problems.add(InputError(dataset.path, field=f"scene {scene.scene}", expected=expected, found=str(scene)))
+    lost = {scene.scene for scene in absent}
+    for name in dict.fromkeys(question.scene for question in questions if question.scene not in lost):
+        folders = [folder for folder in scene_folders(name, dataset.roots) if storage.exists(folder)]
+        wrong: list[InputError] = []
+        for folder in folders:
+            try:
+                _warn_of_views(find_parts(folder), folder, warn)
+            except InputError as error:
+                wrong.append(error if folder in error.subject else _of(folder, error))
+            else:
+                uris[name] = folder
+                break
+        if name not in uris and skips:
+            warn(f"left out: {name}: {wrong[0]}")
+        elif name not in uris:
+            # A raw capture is no scene yet; the first folder is the one a person expects.
+            problems.add(wrong[0])
+    index = QuestionIndex(list(uris), config.tasks, config.limit, refuse_others=False)
+    index.take(dataset.path, questions, problems)
+    return uris, index
+
+
+def _warn_of_views(parts: SceneParts, uri: str, warn: Callable[[str], None]) -> None:
+    for line in read_views(parts).warnings:
+        warn(f"{uri}: {line}")
+
+
+def _of(uri: str, error: InputError) -> InputError:
+    return InputError(uri, field=error.field, expected=error.expected, found=error.found)
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,7 +27,7 @@ DIGEST_BYTES = 16
 
 
 class QuestionIndex:
-    """The questions of a job by scene, on disk.
+    """The questions of a job by scene, on disk; those of official files, some ten thousand at most, in memory.
 
     Args:
         scenes: Names of the job's scenes, in order.
@@ -40,6 +40,7 @@ class QuestionIndex:
         self._numbers = {name: number for number, name in enumerate(scenes)}
         self._tasks, self._limit, self._refuse_others = frozenset(tasks), limit, refuse_others
         self._files: list[str] = []
+        self._held: dict[int, Sequence[Question]] = {}
         self._counts = [0] * len(scenes)
         # One entry a question: file, line, byte, and the number of its scene or -1 where it is not kept.
         self._file, self._line, self._offset, self._scene = array("i"), array("q"), array("q"), array("i")
@@ -71,12 +72,19 @@ class QuestionIndex:
         if not found:
             problems.add(no_question(uri))
 
+    def take(self, source: str, questions: Sequence[Question], problems: Problems) -> None:
+        """Take in questions that are in memory, such as those of an official file."""
+        self._files.append(source)
+        self._held[len(self._files) - 1] = questions
+        for number, question in enumerate(questions):
+            self._add(question, number + 1, number, problems)
+
     def _add(self, question: Question, line: int, offset: int, problems: Problems) -> None:
         number = self._numbers.get(question.scene, -1)
         if number < 0 and self._refuse_others:
             problems.add(
                 InputError(
-                    f"{self._files[-1]} line {line}",
+                    self._where(len(self._files) - 1, line),
                     field=f"scene of question {question.question_id!r}",
                     expected=f"one of the job's scenes ({_few(list(self._numbers))})",
                     found=repr(question.scene),
@@ -131,10 +139,15 @@ class QuestionIndex:
 
     def _question(self, files: _OpenFiles, place: int) -> Question:
         number = self._file[place]
+        if number in self._held:
+            return self._held[number][self._offset[place]]
         return question_at(files.get(number), self._offset[place], self._files[number])
 
     def _place(self, place: int) -> str:
-        return f"{self._files[self._file[place]]} line {self._line[place]}"
+        return self._where(self._file[place], self._line[place])
+
+    def _where(self, file: int, line: int) -> str:
+        return f"{self._files[file]} {'question' if file in self._held else 'line'} {line}"
 
 
 class _OpenFiles:

@@ -46,7 +46,7 @@ def test_paths_are_relative_to_the_job_file_and_uris_stay(tmp_path: Path) -> Non
         ("name: [\n", "job.yaml: expected YAML, found "),
         ("name: a\nname: b\n", "job.yaml: expected YAML, found the key 'name' a second time at line 2"),
         ("name: !!python/object/apply:os.system [ls]\n", "job.yaml: expected YAML, found could not determine"),
-        ("name: t\noutput: r\n", "job.yaml: scenes: expected a value, found nothing"),
+        ("name: t\noutput: r\n", "job.yaml: dataset: expected scenes or a dataset to be given, found None"),
         (GOOD + "scene: x\n", "job.yaml: top level: expected one of name, output, scenes, .*, found scene"),
         (GOOD + "workers: {cpu: 2}\n", "job.yaml: workers: expected one of cpus, address, .*, found cpu"),
         (GOOD + "workers: {cpus: two}\n", "job.yaml: workers.cpus: expected a valid integer.*, found 'two'"),
