@@ -175,8 +175,10 @@ def _official(
         if skips:
             warn(f"left out: {scene}")
         else:
+            source = f"{scene.dataset} ({scene.page})" if scene.page else scene.dataset
+            found = f"nothing, for questions: {scene.questions}; {source}: {scene.how}"
             expected = f"a scene at {scene.looked_in[0]}"
-            problems.add(InputError(dataset.path, field=f"scene {scene.scene}", expected=expected, found=str(scene)))
+            problems.add(InputError(dataset.path, field=f"scene {scene.scene}", expected=expected, found=found))
     lost = {scene.scene for scene in absent}
     for name in dict.fromkeys(question.scene for question in questions if question.scene not in lost):
         folders = [folder for folder in scene_folders(name, dataset.roots) if storage.exists(folder)]

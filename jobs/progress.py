@@ -85,11 +85,12 @@ class _Counting:
         self._errors: Counter[str] = Counter()
         self._calls: CallTotals | None = None
         self._first = self._spoke = clock()
+        self._begun = False
 
     def begin(self, total: int, done: int) -> None:
         """Say how much there is to do."""
         self._total, self._done, self._timed = total, done, 0
-        self._spoke = self._clock()
+        self._spoke, self._begun = self._clock(), True
         self._tell_begin()
 
     def advance(self, error: str) -> None:
@@ -161,8 +162,9 @@ class JsonLines(_Counting):
         self._write("message", text=text)
 
     def end(self) -> None:
-        """Say how it ended, with the number of each error."""
-        self._write("end", **self._counts(), errors=dict(self._errors.most_common()))
+        """Say how it ended, with the number of each error; nothing where it never began."""
+        if self._begun:
+            self._write("end", **self._counts(), errors=dict(self._errors.most_common()))
 
     def _counts(self) -> dict[str, Any]:
         calls = {} if self._calls is None else {"calls": self._calls.as_event()}

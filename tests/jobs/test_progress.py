@@ -94,3 +94,8 @@ def test_style_of_flags_that_contradict_each_other_is_refused() -> None:
     assert progress_style(plain=False, log_json=True) is Style.JSON
     with pytest.raises(InputError, match="--plain"):
         progress_style(plain=True, log_json=True)
+
+
+def test_json_lines_that_never_began_do_not_end(capsys: pytest.CaptureFixture[str]) -> None:
+    JsonLines().end()
+    assert capsys.readouterr().err == ""
