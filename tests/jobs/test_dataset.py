@@ -62,7 +62,8 @@ def test_official_questions_meet_scenes_below_the_roots(
 
 def test_scene_that_is_missing_is_refused_with_what_to_download(make_scene: MakeScene, make_benchmark: MakeJob) -> None:
     make_scene(FIRST, ["not asked"])
-    with pytest.raises(InputError, match=f"scene {SECOND}: expected a scene at .*{SECOND}, found nothing, for questions: 1; .*scan-net.org"):
+    message = f"scene {SECOND}: expected a scene at .*{SECOND}, found nothing, for questions: 1; .*scan-net.org"
+    with pytest.raises(InputError, match=message):
         load_dataset(make_benchmark())
 
 
