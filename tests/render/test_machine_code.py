@@ -55,7 +55,7 @@ def test_cached_machine_code_depends_on_every_kernel_file(tmp_path: Path) -> Non
     stamp = composite_kernels.composite._cache._cache_file._source_stamp
     assert stamp == cached_kernels.source_digest()
     for path in paths:
-        (tmp_path / path).parent.mkdir(exist_ok=True)
+        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / path).write_bytes((folder / path).read_bytes())
     assert _digest_of(tmp_path) == stamp
     with (tmp_path / "render/tile_kernels.py").open("a") as file:
