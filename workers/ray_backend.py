@@ -6,6 +6,7 @@ once a batch of its questions: evidence (actor) -> propose (CPU) -> decide (acto
 
 from __future__ import annotations
 
+import uuid
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -52,7 +53,16 @@ _join_index = ray.remote(num_returns=3, max_retries=0)(ray_tasks.join_index)
 _propose = ray.remote(max_retries=0)(ray_tasks.propose)
 _conclude = ray.remote(max_retries=0)(ray_tasks.conclude)
 _Limiter = ray.remote(num_cpus=0, max_task_retries=0)(Limiter)
-_Models = ray.remote(num_cpus=0, max_task_retries=0)(ray_tasks.Models)
+
+
+class Models(ray_tasks.Models):
+    """Finds its limiter by name: an actor whose arguments hold references cannot be started again without them."""
+
+    def __init__(self, work: Work, steps: Steps, limiter: str, place: str) -> None:
+        super().__init__(work, steps, ray.get_actor(limiter) if limiter else None, place)
+
+
+_Models = ray.remote(num_cpus=0, max_task_retries=0)(Models)
 
 
 @dataclass(slots=True)
@@ -111,9 +121,10 @@ class OnRay:
         self._work_ref, self._steps_ref = ray.put(work), ray.put(steps)
         options = {"max_concurrency": max(2, in_flight), "max_restarts": -1}
         # By value: Ray cannot restart an actor whose arguments have left the object store.
-        self._limiter = _start_limiter(work) if limited_endpoints(work) else None
+        limiter = f"limiter-{uuid.uuid4().hex}" if limited_endpoints(work) else ""
+        self._limiter = _start_limiter(work, limiter) if limiter else None
         self._models = [
-            _Models.options(**options).remote(work, steps, self._limiter, f"models-{number}")
+            _Models.options(**options).remote(work, steps, limiter, f"models-{number}")
             for number in range(model_actors)
         ]
         self._scenes: Recent[HeldScene] = Recent(SCENES_HELD)
@@ -211,10 +222,10 @@ def store_bytes() -> int:
     return int(ray.cluster_resources()["object_store_memory"])
 
 
-def _start_limiter(work: Work) -> Any:
+def _start_limiter(work: Work, name: str) -> Any:
     """Start the run's limiter on this node, where its journals lie; when it dies it is started again from them."""
     here = NodeAffinitySchedulingStrategy(ray.get_runtime_context().get_node_id(), soft=True)
-    options = {"max_restarts": -1, "max_concurrency": LISTENING, "scheduling_strategy": here}
+    options = {"name": name, "max_restarts": -1, "max_concurrency": LISTENING, "scheduling_strategy": here}
     return _Limiter.options(**options).remote(work)
 
 

@@ -76,7 +76,7 @@ def test_a_cap_ends_the_run_and_a_higher_one_finishes_it(
 
 
 def test_actors_of_a_run_pay_once_for_what_several_ask_and_share_one_limit(
-    make_scene: Callable[..., Path], make_job: MakeJob, server: CountingServer
+    make_scene: Callable[..., Path], make_job: MakeJob, server: CountingServer, capfd: pytest.CaptureFixture[str]
 ) -> None:
     make_scene("a", TEXTS)
     workers = {"in_process": False, "model_actors": 4, "questions_in_flight": len(TEXTS)}
@@ -92,6 +92,7 @@ def test_actors_of_a_run_pay_once_for_what_several_ask_and_share_one_limit(
     lines = journal_of(job)
     assert sum(line["tokens"] for line in lines if "done" in line) == server.sent_tokens
     assert len([line for line in lines if "sent" in line]) - len([line for line in lines if "unsent" in line]) == SENT
+    assert "core_worker" not in capfd.readouterr().err  # Ray would warn of an actor it cannot start again
 
 
 def test_a_cap_on_money_needs_prices(server: CountingServer, make_job: MakeJob) -> None:
