@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.baselines.registry import answer_question
 from pipeline.config import MethodConfig
 from pipeline.metrics.significance import bootstrap_interval, permutation_p
 from pipeline.models.caller import Caller
@@ -31,7 +32,6 @@ from pipeline.models.prompts import Prompts
 from pipeline.models.symbolic import SymbolicModel
 from pipeline.scene.load import load_scene
 from pipeline.tasks.context import SceneContext
-from pipeline.tasks.method import answer_question
 from schemas import storage
 from schemas.question_file import load_questions
 

@@ -12,7 +12,7 @@ from schemas.compaction import Compactor
 from schemas.errors import InputError
 from schemas.manifest import commit_unit
 from schemas.run_folder import RunFolder
-from schemas.tables import TABLES
+from schemas.tables import ALL_TABLES, MAIN_TABLES, item_column
 from workers.dispatch import Outcome
 from workers.steps import Tables
 
@@ -22,7 +22,7 @@ class Commits:
 
     Args:
         run: The run.
-        sizes: Questions of each unit, by unit id, in plan order.
+        sizes: Questions, or captures, of each unit, by unit id, in plan order.
         lock: The run's lock, looked at before every commit.
         events: The run's diary.
     """
@@ -32,7 +32,7 @@ class Commits:
         self._gathering: dict[str, list[Tables | None]] = {}
         self._compactor = Compactor(run.root, sizes.items(), epoch=lock.epoch)
 
-    def add(self, outcome: Outcome) -> int:
+    def add(self, outcome: Outcome[Any]) -> int:
         """Take in an outcome; return how many questions are committed by it: those of its unit, or none yet.
 
         Raises:
@@ -40,7 +40,7 @@ class Commits:
             StopError: The disk takes no more.
         """
         unit = outcome.unit
-        gathered = self._gathering.setdefault(unit.id, [None] * len(unit.questions))
+        gathered = self._gathering.setdefault(unit.id, [None] * len(unit.items))
         gathered[outcome.position] = _checked(outcome)
         if None in gathered:
             return 0
@@ -49,27 +49,27 @@ class Commits:
         if not commit_unit(self._run.root, unit.id, rows, epoch=self._lock.epoch).won:
             # Nobody else should have: unless the run has just been taken, it was a driver before this one, woken late.
             self._lock.check()
-        told = {"unit": unit.id, "scene": unit.scene, "questions": len(unit.questions)}
+        told = {"unit": unit.id, "scene": unit.scene, "questions": len(unit.items)}
         self._events.note("committed", **told, calls=CallTotals.of(rows["calls"]).as_event())
         try:
             self._compactor.committed(unit.id)
         except InputError as error:
             # `resume` finds it as well, and does that unit again.
             self._events.note("damaged", message=str(error))
-        return len(unit.questions)
+        return len(unit.items)
 
 
-def _checked(outcome: Outcome) -> Tables:
-    """Return the outcome's tables, sure to hold exactly one answer, to the question that was asked."""
-    asked = outcome.unit.questions[outcome.position].question_id
-    answers = outcome.tables.get("answers", ())
-    assert [row.question_id for row in answers] == [asked], f"question {asked} must have one row in answers"
+def _checked(outcome: Outcome[Any]) -> Tables:
+    """Return the outcome's tables, sure to hold exactly one answer to the question, or row of the capture, it is of."""
+    asked = outcome.unit.item_names[outcome.position]
+    found = [getattr(row, item_column(name)) for name in MAIN_TABLES for row in outcome.tables.get(name, ())]
+    assert found == [asked], f"{asked} must have one row in one of {', '.join(MAIN_TABLES)}, found {found}"
     return outcome.tables
 
 
 def _merged(gathered: list[Tables | None]) -> dict[str, list[Any]]:
     """Return a unit's records by table, questions in plan order."""
-    merged: dict[str, list[Any]] = {name: [] for name in TABLES}
+    merged: dict[str, list[Any]] = {name: [] for name in ALL_TABLES}
     for tables in gathered:
         assert tables is not None
         for name, records in tables.items():

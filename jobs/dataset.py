@@ -16,12 +16,12 @@ from jobs.question_index import QuestionIndex
 from pipeline.datasets import load_dataset_questions
 from pipeline.datasets.missing import missing_scenes, scene_folders
 from pipeline.scene.load import read_views
-from pipeline.scene.scene_file import OBJECTS, QUESTIONS, SceneParts, find_parts
+from pipeline.scene.scene_file import BUILD, OBJECTS, QUESTIONS, SceneParts, find_parts
 from schemas import storage
 from schemas.errors import InputError
 from schemas.questions import Question
 
-NO_CONTENT = frozenset({QUESTIONS, OBJECTS})
+NO_CONTENT = frozenset({QUESTIONS, OBJECTS, BUILD})
 """Files of a scene folder that no stage reads: changing them does not change the scene."""
 
 READERS = 8

@@ -1,15 +1,21 @@
-"""The driver: pending units to a runner, and outcomes on to be committed (`commits.py`)."""
+"""The driver: pending units to a runner, and outcomes on to be committed (`commits.py`).
+
+`drive` answers questions; `drive_units` is the same for any units, such as captures to be built (`build_captures.py`).
+"""
 
 from __future__ import annotations
 
 import os
 import socket
 import uuid
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
+
+from pydantic import BaseModel
 
 from jobs.commits import Commits
 from jobs.config import JobConfig, WorkersConfig
@@ -19,9 +25,10 @@ from jobs.progress import Progress
 from jobs.signals import Stopping
 from jobs.spend import CallTotals
 from schemas.manifest import committed_units, damaged_units, discard_unit
+from schemas.plan import PlannedUnit
 from schemas.plan_columns import unit_sizes
 from schemas.run_folder import RunFolder
-from workers.dispatch import Backend, Limits, dispatch
+from workers.dispatch import Backend, Limits, Unit, dispatch
 from workers.pace import MOST_TOGETHER
 from workers.steps import Steps, Work
 
@@ -33,6 +40,32 @@ BATCHES_PER_CPU = 4
 
 STORE_SHARE = 4
 """Part of Ray's object store that questions in flight may hold: scenes lie there as well."""
+
+
+U = TypeVar("U", bound=Unit)
+
+
+@dataclass(frozen=True, slots=True)
+class Opened(Generic[U]):
+    """Where units run, for a session."""
+
+    backend: Backend[Any, U]
+    """Runs their items."""
+    limits: Limits
+    """Bounds of dispatch."""
+    look: Callable[[bool], bool] = lambda stop: stop
+    """Called every tick with whether someone asked to stop; returns that. Raises a StopError once what runs the
+    items is gone for good."""
+
+
+def watching(check: Callable[[], object]) -> Callable[[bool], bool]:
+    """Return an `Opened.look` that calls `check` every tick."""
+
+    def look(stop: bool) -> bool:
+        check()
+        return stop
+
+    return look
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,47 +110,79 @@ def drive(
     Raises:
         StopError: No further question can succeed, or another driver has taken the run; what was complete is committed.
     """
+    work = Work(
+        config.method,
+        config.models,
+        config.calls_folder(),
+        config.visibility_folder(),
+        run.root if config.images else "",
+        config.cache,
+        config.budget,
+        journals=str(Path(config.calls_folder(), JOURNALS, run.identity())),
+        session=uuid.uuid4().hex,
+    )
+    opened = partial(_backend, work, steps, config.workers)
+    return drive_units(run, run.units(), opened, config.workers, events, progress, stopping, lock)
+
+
+def drive_units(
+    run: RunFolder,
+    units: Iterable[U],
+    opened: Callable[[Callable[..., None]], AbstractContextManager[Opened[U]]],
+    workers: BaseModel,
+    events: EventLog,
+    progress: Progress,
+    stopping: Stopping,
+    lock: RunLock,
+    committed_one: Callable[[U], object] = lambda unit: None,
+) -> Driven:
+    """Do the units that are not committed, whatever their items are.
+
+    Args:
+        run: The run.
+        units: Its planned units.
+        opened: Gives, for a block, where they run; takes who is told what happens there.
+        workers: Settings of that, for the diary.
+        events: The run's diary.
+        progress: Who is told how it goes.
+        stopping: Whether someone asked it to stop.
+        lock: The run's lock, held by the caller; looked at before every commit.
+        committed_one: Called with each unit that was committed.
+
+    Raises:
+        StopError: As `drive`.
+    """
     done, sizes = _sound_units(run, events, progress, lock), unit_sizes(run.root)
     planned = sum(sizes.values())
     before = sum(size for unit, size in sizes.items() if unit in done)
     driver = {"pid": os.getpid(), "host": socket.gethostname(), "session": lock.epoch}
-    events.note("started", questions=planned, done=before, workers=config.workers.model_dump(mode="json"), **driver)
+    events.note("started", questions=planned, done=before, workers=workers.model_dump(mode="json"), **driver)
     progress.begin(planned, before)
     committed, failed = before, 0
     if before < planned:
-        work = Work(
-            config.method,
-            config.models,
-            config.calls_folder(),
-            config.visibility_folder(),
-            run.root if config.images else "",
-            config.cache,
-            config.budget,
-            journals=str(Path(config.calls_folder(), JOURNALS, run.identity())),
-            session=uuid.uuid4().hex,
-        )
 
         def note(kind: str, **details: Any) -> None:
             events.note(kind, **details)
             if kind == "damaged":
                 progress.say(f"rendered again, since a part is damaged: {details['message']}")
 
-        pending = (unit for unit in run.units() if unit.id not in done)
+        pending = (unit for unit in units if unit.id not in done)
         commits = Commits(run, sizes, lock, events)
-        with _backend(work, steps, config.workers, note) as (backend, limits, still_there):
+        with opened(note) as there:
 
             def should_stop() -> bool:
                 if lock.lost:
                     lock.check()
-                still_there()
-                return stopping()
+                return there.look(stopping())
 
             stopping.catch()
-            for outcome in dispatch(pending, backend, limits, should_stop=should_stop, note=note):
+            for outcome in dispatch(pending, there.backend, there.limits, should_stop=should_stop, note=note):
                 failed += bool(outcome.error)
                 progress.spent(CallTotals.of(outcome.tables.get("calls", ())))
                 progress.advance(outcome.error)
-                committed += commits.add(outcome)
+                if count := commits.add(outcome):
+                    committed += count
+                    committed_one(outcome.unit)
     stopped = stopping() and committed < planned
     events.note("stopped" if stopped else "ended", done=committed, failed=failed)
     return Driven(planned, committed, failed, stopped)
@@ -136,15 +201,15 @@ def _sound_units(run: RunFolder, events: EventLog, progress: Progress, lock: Run
 @contextmanager
 def _backend(
     work: Work, steps: Steps, config: WorkersConfig, note: Callable[..., None]
-) -> Iterator[tuple[Backend[Any], Limits, Callable[[], None]]]:
-    """Give the backend that a config asks for, its bounds, and what raises a StopError once it is gone for good."""
+) -> Iterator[Opened[PlannedUnit]]:
+    """Give the backend that a config asks for."""
     cpus = config.cpus or len(os.sched_getaffinity(0))
     if config.in_process:
         from workers.in_process import InProcess
 
         local = InProcess(work, steps, note)
         try:
-            yield local, _limits(config, 1), lambda: None
+            yield Opened(local, _limits(config, 1))
         finally:
             local.close()
         return
@@ -157,7 +222,7 @@ def _backend(
         batches = limits.batches or limits.in_flight
         spread = OnRay(work, steps, model_actors=config.model_actors, in_flight=batches, slots=cluster.slots, note=note)
         try:
-            yield spread, limits, cluster.head.check
+            yield Opened(spread, limits, watching(cluster.head.check))
         finally:
             spread.close()
 

@@ -91,6 +91,11 @@ class RunLock:
         return self._holder.epoch
 
     @property
+    def next_claim(self) -> str:
+        """Path or URI of the file by which another driver takes the run from this one."""
+        return _claim(self._run, self.epoch + 1)
+
+    @property
     def lost(self) -> bool:
         """Whether a beat found that another driver has taken the run; looks at nothing itself."""
         return self._lost.is_set()
@@ -101,7 +106,7 @@ class RunLock:
         Raises:
             FencedError: Another driver has taken it.
         """
-        if not self.lost and not storage.exists(_claim(self._run, self.epoch + 1)):
+        if not self.lost and not storage.exists(self.next_claim):
             return
         self._lost.set()
         latest = read_holder(self._run)
@@ -142,7 +147,7 @@ class RunLock:
         while not self._ended.wait(BEAT_S):
             self._beat()
             try:
-                if storage.exists(_claim(self._run, self.epoch + 1)):
+                if storage.exists(self.next_claim):
                     self._lost.set()
             except SplatReasonerError:
                 # A store that does not answer says nothing about who holds the run; `check` asks again.

@@ -10,13 +10,17 @@ from dataclasses import dataclass
 from typing import Any
 
 from jobs.config import JobConfig
-from jobs.dataset import PlannedScene, file_sha256, load_dataset
+from jobs.dataset import Dataset, PlannedScene, file_sha256, load_dataset
+from jobs.problems import Problems
 from jobs.versions import STAGES
 from pipeline.baselines.config import AnyMethod, files_of
+from pipeline.baselines.scene_needs import check_scene, tasks_of
 from pipeline.models.clients import make_clients
 from pipeline.models.config import STAGES as MODEL_STAGES
 from pipeline.models.config import ModelConfig
 from pipeline.models.prompts import Prompts
+from pipeline.scene.scene_file import find_parts
+from schemas.errors import InputError
 from schemas.plan import PlannedUnit
 from schemas.questions import Question
 from schemas.tables import TABLES
@@ -75,12 +79,25 @@ def plan_units(
         warn: Told what is odd and no reason to refuse.
 
     Raises:
-        InputError: See `load_dataset` and `basis_of`. Nothing has run by then.
+        InputError: See `load_dataset`, `basis_of` and `check_scene`. Nothing has run by then.
     """
     dataset, basis = load_dataset(config, subject, warn), dataclasses.asdict(basis_of(config))
+    _check_scenes(config.method, dataset)
     parts = ((scene, part) for scene in dataset.scenes() for part in _chunks(scene.questions, config.workers.chunk))
     files = _Files(config.method)
     return (_unit(index, scene, part, files, basis) for index, (scene, part) in enumerate(parts))
+
+
+def _check_scenes(method: AnyMethod, dataset: Dataset) -> None:
+    """Refuse scenes that lack what the method reads, all at once."""
+    problems, tasks = Problems(), tasks_of(method)
+    for name, uri in dataset.uris.items():
+        if dataset.index.has(name, tasks):
+            try:
+                check_scene(method, uri, find_parts(uri))
+            except InputError as error:
+                problems.add(error)
+    problems.refuse()
 
 
 class _Files:

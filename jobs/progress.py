@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import time
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable
 from datetime import UTC, datetime
@@ -71,7 +72,7 @@ class Silent:
         """Say nothing."""
 
 
-class _Counting:
+class _Counting(ABC):
     """How far it is, told every `LINE_S` seconds and at the last item.
 
     Args:
@@ -115,11 +116,21 @@ class _Counting:
         """Return items a second since the first one ended."""
         return (self._timed - 1) / (now - self._first) if self._timed > 1 and now > self._first else None
 
-    def _tell_begin(self) -> None:
-        raise NotImplementedError
+    @abstractmethod
+    def say(self, text: str) -> None:
+        """Something a person should read."""
 
+    @abstractmethod
+    def end(self) -> None:
+        """The run ended, well or not."""
+
+    @abstractmethod
+    def _tell_begin(self) -> None:
+        """Say how much there is to do."""
+
+    @abstractmethod
     def _tell_progress(self, rate: float | None) -> None:
-        raise NotImplementedError
+        """Say how far it is, at so many items a second; None while that is not known."""
 
 
 class Lines(_Counting):

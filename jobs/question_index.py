@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import BinaryIO
@@ -42,6 +42,7 @@ class QuestionIndex:
         self._files: list[str] = []
         self._held: dict[int, Sequence[Question]] = {}
         self._counts = [0] * len(scenes)
+        self._asked: set[tuple[str, Task]] = set()
         # One entry a question: file, line, byte, and the number of its scene or -1 where it is not kept.
         self._file, self._line, self._offset, self._scene = array("i"), array("q"), array("q"), array("i")
         self._digests = bytearray()
@@ -51,6 +52,10 @@ class QuestionIndex:
     def kept(self) -> int:
         """Questions kept."""
         return sum(self._counts)
+
+    def has(self, scene: str, tasks: Iterable[Task]) -> bool:
+        """Return whether a question of any of the tasks is kept for a scene."""
+        return any((scene, task) in self._asked for task in tasks)
 
     def read(self, uri: str, problems: Problems) -> None:
         """Take in a question file."""
@@ -95,6 +100,7 @@ class QuestionIndex:
             number = -1
         if number >= 0:
             self._counts[number] += 1
+            self._asked.add((question.scene, question.task))
         self._file.append(len(self._files) - 1)
         self._line.append(line)
         self._offset.append(offset)

@@ -6,6 +6,7 @@ import tempfile
 from pathlib import Path
 
 from schemas import storage
+from schemas.builds import BUILDS
 from schemas.parts import write_stream
 from schemas.run_folder import RunFolder
 from schemas.tables import SAME_EVERY_RUN, table_spec
@@ -14,14 +15,13 @@ RESULTS = "results"
 
 
 def write_results(run: str) -> dict[str, int]:
-    """Write results/answers.parquet and results/arms.parquet from all committed parts; return rows by table.
+    """Write results/answers.parquet and arms.parquet, or builds.parquet, from all committed parts; return their rows.
 
     Raises:
         InputError: No such run, or a part is damaged.
     """
     folder, written = RunFolder(run), {}
-    folder.read_run()
-    for name in SAME_EVERY_RUN:
+    for name in (BUILDS.name,) if folder.builds() else SAME_EVERY_RUN:
         uri = folder.uri(RESULTS, f"{name}.parquet")
         path = storage.local_path(uri)
         if path is not None:

@@ -23,6 +23,7 @@ from schemas.committed import Committed, PartReader
 from schemas.errors import InputError
 from schemas.manifest import Manifest, discard_unit
 from schemas.run_folder import RunFolder
+from schemas.tables import MAIN_TABLES, item_column
 
 RETRIED = ("failed", "unparsed")
 """Statuses that can be made pending again; a skipped question would be skipped again by the same stored reply."""
@@ -124,8 +125,10 @@ def _choose(run: str, status: str, error: str, stage: str) -> Iterator[Chosen]:
         manifest = committed.manifest(unit)
         if not manifest.statuses.get(status):
             continue
-        answers = reader.read(manifest, "answers").select(["question_id", "status", "reason"]).to_pylist()
-        ended = {row["question_id"]: str(row["reason"]).partition(":")[0] for row in answers if row["status"] == status}
+        main = next(name for name in MAIN_TABLES if name in manifest.parts)
+        column = item_column(main)
+        rows = reader.read(manifest, main).select([column, "status", "reason"]).to_pylist()
+        ended = {row[column]: str(row["reason"]).partition(":")[0] for row in rows if row["status"] == status}
         calls = _bad_calls(reader, manifest, ended, status) if stage or status == "unparsed" else {}
         if status == "failed":
             errors.update(ended.values())

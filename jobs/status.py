@@ -20,7 +20,7 @@ from jobs.spend import CallTotals, Paid, paid
 from schemas import storage
 from schemas.manifest import all_manifests
 from schemas.plan_columns import unit_sizes
-from schemas.run_folder import RunFolder
+from schemas.run_folder import RunFolder, is_build_run
 
 RECENT_S = 600.0
 """Commits this old, counted from the latest, give the recent rate: units end in bursts, and a run changes its pace."""
@@ -78,6 +78,11 @@ class RunStatus:
     """Model calls of committed units in all sessions; None where the diary does not tell."""
     paid: Paid | None
     """What the journals say was sent to endpoints, lost work included; None where there are none or too much."""
+    items: str
+    """What is counted: questions, or captures of a run that builds scenes; then fields named after questions are
+    about captures."""
+    at_work: tuple[str, ...]
+    """How far the captures are that have begun and are not committed; empty for questions."""
 
     @property
     def complete(self) -> bool:
@@ -108,6 +113,7 @@ def run_status(run: str) -> RunStatus:
     """
     folder = RunFolder(run)
     found = folder.read_run()
+    builds = is_build_run(found)
     sizes = unit_sizes(run)
     done, done_questions, statuses = 0, 0, Counter[str]()
     for manifest in all_manifests(run):
@@ -135,6 +141,8 @@ def run_status(run: str) -> RunStatus:
         recent_per_minute=_rate(_recent(diary.session)),
         calls=diary.calls,
         paid=_paid(folder, found),
+        items="captures" if builds else "questions",
+        at_work=_at_work(folder) if builds else (),
     )
 
 
@@ -192,6 +200,12 @@ class _Diary:
 
     def quiet_s(self) -> float | None:
         return None if self.last is None else max(0.0, (datetime.now(UTC) - self.last).total_seconds())
+
+
+def _at_work(folder: RunFolder) -> tuple[str, ...]:
+    from jobs.build_captures import captures_at_work
+
+    return tuple(map(str, captures_at_work(folder)))
 
 
 def _recent(commits: list[tuple[datetime, int]]) -> list[tuple[datetime, int]]:

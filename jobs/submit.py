@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import uuid
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -83,7 +83,7 @@ def submit(
             budget=config.budget.model_dump(mode="json"),
             cache=config.cache,
         )
-    with _disk_errors(folder.root), RunLock(folder.root, progress.say) as lock:
+    with disk_errors(folder.root), RunLock(folder.root, progress.say) as lock:
         if folder.exists():
             raise StopError(f"{folder.root}: another driver planned this run at the same moment; try again")
         plan = write_plan(folder.uri(PLAN_FILE), units)
@@ -127,12 +127,13 @@ def resume(
         StopError: Another driver is at work, or no further question can succeed.
     """
     folder = RunFolder(str(run))
+    folder.refuse_builds()
     found = folder.read_run()
     changes = {"workers": workers or {}, "budget": budget or {}}
     config = _stored_config(folder, found, changes, cache)
     _refuse_changes(folder, config, found)
     progress = progress or Silent()
-    with _disk_errors(folder.root), RunLock(folder.root, progress.say) as lock:
+    with disk_errors(folder.root), RunLock(folder.root, progress.say) as lock:
         return _work(folder, config, steps, progress, lock)
 
 
@@ -153,7 +154,7 @@ def _work(folder: RunFolder, config: JobConfig, steps: Steps, progress: Progress
 
 
 @contextmanager
-def _disk_errors(run: str) -> Iterator[None]:
+def disk_errors(run: str) -> Iterator[None]:
     """Say what a disk refused, whoever wrote: no question is at fault, and what is committed stays."""
     try:
         yield
@@ -196,13 +197,10 @@ def _stored_config(
 
 def _refuse_changes(folder: RunFolder, config: JobConfig, found: dict[str, Any]) -> None:
     """Refuse to mix answers of different scenes, prompts, models or code in one run."""
-    with storage.local_copy(folder.uri(PLAN_FILE)) as path, path.open("rb") as plan:
-        planned, digest = found["plan"].get("sha256"), hashlib.file_digest(plan, "sha256").hexdigest()
-    if digest != planned:
-        raise InputError(folder.uri(PLAN_FILE), field="sha256", expected=f"{planned}, as run.json says", found=digest)
+    planned_as_written(folder, found)
     changes = told(differences(found["basis"], _plain_basis(config)))
     if changes:
-        raise _refused(folder, "the prompts, models and code the run was planned with", changes)
+        raise refused(folder, "the prompts, models and code the run was planned with", changes)
     done, scenes = set(committed_units(folder.root)), dict[str, str]()
     for unit in folder.units():
         if unit.id not in done:
@@ -212,8 +210,21 @@ def _refuse_changes(folder: RunFolder, config: JobConfig, found: dict[str, Any])
             raise InputError(uri, expected="the scene as the run was planned with", found="files that have changed")
 
 
+def planned_as_written(folder: RunFolder, found: Mapping[str, Any]) -> None:
+    """Refuse a plan that is not the one run.json was written with.
+
+    Raises:
+        InputError: It is not.
+    """
+    with storage.local_copy(folder.uri(PLAN_FILE)) as path, path.open("rb") as plan:
+        planned, digest = found["plan"].get("sha256"), hashlib.file_digest(plan, "sha256").hexdigest()
+    if digest != planned:
+        raise InputError(folder.uri(PLAN_FILE), field="sha256", expected=f"{planned}, as run.json says", found=digest)
+
+
 def _refuse_other_job(folder: RunFolder, config: JobConfig, units: Iterator[PlannedUnit]) -> None:
     """Refuse to plan a job into the folder of another one."""
+    folder.refuse_builds()
     if all(old is not None and new is not None and old.id == new.id for old, new in zip_longest(folder.units(), units)):
         return
     found = folder.read_run()
@@ -224,10 +235,10 @@ def _refuse_other_job(folder: RunFolder, config: JobConfig, units: Iterator[Plan
             unit_differences(folder.units(), plan_units(config)),
         )
     )
-    raise _refused(folder, "an empty folder or a run of this very job", changes)
+    raise refused(folder, "an empty folder or a run of this very job", changes)
 
 
-def _refused(folder: RunFolder, expected: str, changes: list[str]) -> InputError:
+def refused(folder: RunFolder, expected: str, changes: list[str]) -> InputError:
     """Return the error that names every change, and what can be done."""
     error = InputError(folder.root, expected=expected, found="one that differs in:")
     for change in changes:

@@ -22,11 +22,12 @@ from schemas.committed import Committed, PartReader
 from schemas.errors import InputError
 from schemas.manifest_file import BLOCKS, UNITS, Manifest, numbered_names, numbered_uri, unsealed
 from schemas.parts import decode_part
-from schemas.plan import PLAN_FILE, PlannedUnit
-from schemas.run_folder import RUN_FILE, RunFolder
-from schemas.tables import TABLES, table_spec
+from schemas.plan import PLAN_FILE
+from schemas.run_folder import RUN_FILE, RunFolder, is_build_run
+from schemas.tables import ALL_TABLES, MAIN_TABLES, item_column, table_spec
+from workers.dispatch import Unit
 
-KEYED = ("answers", "arms", "clusters", "clusterings", "candidates")
+KEYED = ("answers", "arms", "clusters", "clusterings", "candidates", "builds")
 """Tables in which a key may stand once; `calls` and `timings` tell what happened, which may happen twice."""
 
 
@@ -86,10 +87,11 @@ def _verified(folder: RunFolder, calls: bool) -> Verified:
     found.problems += [str(error) for _, _, error in committed.unreadable]
     found.discarded = sum(map(len, numbered_names(folder.root, "discarded").values()))
     whole = {m.unit: m for m in _sound_manifests(committed, found)}
-    _rows(folder, whole, found)
+    builds = content is not None and is_build_run(content)
+    _rows(folder, folder.captures() if builds else folder.units(), whole, found)
     found.orphans = tuple(sorted(_orphans(folder.root, committed, whole)))
     _results(folder, found)
-    if calls and content is not None:
+    if calls and content is not None and not builds:
         _replies(folder, content, found)
     # A file that many units share is wrong once.
     found.problems = list(dict.fromkeys(found.problems))
@@ -128,18 +130,18 @@ def _sound_manifests(committed: Committed, found: Verified) -> Iterator[Manifest
             found.problems.append(str(error))
 
 
-def _rows(folder: RunFolder, whole: dict[str, Manifest], found: Verified) -> None:
+def _rows(folder: RunFolder, units: Iterator[Unit], whole: dict[str, Manifest], found: Verified) -> None:
     """Read every part of every planned unit and compare its rows with the plan."""
     reader, files, missing = PartReader(folder.root), set[str](), set(whole)
     try:
-        for unit in folder.units():
-            found.planned += len(unit.questions)
+        for unit in units:
+            found.planned += len(unit.items)
             missing.discard(unit.id)
             if unit.id in whole:
                 wrong = list(_wrong(reader, unit, whole[unit.id], files, found))
                 found.problems += wrong
                 found.units += not wrong
-                found.questions += 0 if wrong else len(unit.questions)
+                found.questions += 0 if wrong else len(unit.items)
     except InputError as error:
         found.problems.append(str(error))
         return
@@ -149,11 +151,9 @@ def _rows(folder: RunFolder, whole: dict[str, Manifest], found: Verified) -> Non
         )
 
 
-def _wrong(
-    reader: PartReader, unit: PlannedUnit, manifest: Manifest, files: set[str], found: Verified
-) -> Iterator[str]:
+def _wrong(reader: PartReader, unit: Unit, manifest: Manifest, files: set[str], found: Verified) -> Iterator[str]:
     """Yield what is wrong with a unit's rows."""
-    planned = [question.question_id for question in unit.questions]
+    planned = list(unit.item_names)
     for name, entry in manifest.parts.items():
         try:
             table = reader.read(manifest, name)
@@ -166,23 +166,24 @@ def _wrong(
             found.nbytes += entry.bytes
         for message in _compared(name, table, planned, manifest):
             yield f"{entry.path}: unit {unit.id}: {message}"
-    if "answers" not in manifest.parts:
-        yield f"unit {unit.id}: expected a part of answers, found none"
+    if not any(name in manifest.parts for name in MAIN_TABLES):
+        yield f"unit {unit.id}: expected a part of {' or '.join(MAIN_TABLES)}, found none"
 
 
 def _compared(name: str, table: Any, planned: list[str], manifest: Manifest) -> Iterator[str]:
     """Yield how a part differs from what its unit's questions and its manifest lead to."""
-    asked = table.column("question_id").to_pylist()
+    column = item_column(name)
+    asked = table.column(column).to_pylist()
     if strangers := sorted(set(asked) - {*planned, ""}):
-        yield f"question_id: expected questions of the unit, found {strangers[0]!r}"
+        yield f"{column}: expected those of the unit, found {strangers[0]!r}"
     if name in KEYED:
         key = table_spec(name).key
         keys = Counter(zip(*(table.column(column).to_pylist() for column in key), strict=True))
         if twice := [values for values, count in keys.items() if count > 1]:
             yield f"{', '.join(key)}: expected each once, found {twice[0]} {keys[twice[0]]} times"
-    if name == "answers":
+    if name in MAIN_TABLES:
         if asked != planned:
-            yield f"question_id: expected one answer to each of {len(planned)} questions, found {len(asked)} rows"
+            yield f"{column}: expected one row for each of {len(planned)} planned, found {len(asked)} rows"
         statuses = Counter(table.column("status").to_pylist())
         if statuses != Counter(manifest.statuses) or manifest.questions != len(planned):
             yield f"status: expected {dict(manifest.statuses)}, as the manifest says, found {dict(statuses)}"
@@ -193,7 +194,7 @@ def _orphans(run: str, committed: Committed, whole: dict[str, Manifest]) -> Iter
     needed = {entry.path for manifest in whole.values() for entry in manifest.parts.values()}
     # Parts of a unit whose manifest is damaged stay: they are evidence until it is done again.
     evidence = {unit for unit in committed.units if unit not in whole} | {block for block, _, _ in committed.unreadable}
-    for name in TABLES:
+    for name in ALL_TABLES:
         for file in storage.list_files(storage.join(run, name)):
             if f"{name}/{file}" not in needed and file.rpartition("-")[0] not in evidence:
                 yield f"{name}/{file}"
@@ -214,7 +215,7 @@ def _results(folder: RunFolder, found: Verified) -> None:
     """Read the final tables, where they have been written."""
     for file in storage.list_files(folder.uri(RESULTS)):
         name, _, kind = file.rpartition(".")
-        if name in TABLES and kind == "parquet":
+        if name in ALL_TABLES and kind == "parquet":
             uri = folder.uri(RESULTS, file)
             try:
                 decode_part(table_spec(name), storage.read_bytes(uri), uri)

@@ -25,7 +25,7 @@ from schemas.manifest_file import (
     numbered_uri,
 )
 from schemas.parts import encode_table
-from schemas.tables import TABLES
+from schemas.tables import ALL_TABLES
 
 BLOCK_QUESTIONS = 6_400
 """Questions a block: 256 units of 25, so a million questions are 157 blocks; of the order of 100 MB while merging."""
@@ -125,7 +125,7 @@ def _write_block(run: str, block: str, version: int, manifests: Sequence[Manifes
     import pyarrow as pa
 
     reader, parts = PartReader(run), {}
-    for name, spec in TABLES.items():
+    for name, spec in ALL_TABLES.items():
         tables = [reader.read(manifest, name) for manifest in manifests if name in manifest.parts]
         if tables:
             merged = pa.concat_tables(tables).combine_chunks()

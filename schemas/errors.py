@@ -7,6 +7,7 @@ Every error below is a SplatReasonerError:
   the work may have been billed.
 - QuestionError: this question cannot be answered; record the reason and go on.
 - StopError: nothing further can succeed (bad key, budget reached, another driver): end the job.
+- StoppedError: someone asked this work to stop; what it has is kept, and it goes on where it ended.
 """
 
 from __future__ import annotations
@@ -70,3 +71,7 @@ class QuestionError(SplatReasonerError):
 
 class StopError(SplatReasonerError):
     """No further work can succeed: the run ends cleanly and can be resumed."""
+
+
+class StoppedError(SplatReasonerError):
+    """This work was asked to stop and kept what it had: the next session goes on from there."""

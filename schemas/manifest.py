@@ -30,7 +30,7 @@ from schemas.manifest_file import (
 )
 from schemas.parts import encode_part
 from schemas.table import TableSpec
-from schemas.tables import table_spec
+from schemas.tables import MAIN_TABLES, table_spec
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -87,7 +87,7 @@ def commit_unit(run: str, unit: str, rows: Mapping[str, Sequence[Any]], *, epoch
     Args:
         run: Run folder.
         unit: Unit id.
-        rows: Records by table name; a table may be missing or empty, `answers` may not.
+        rows: Records by table name; a table may be missing or empty, but one of `MAIN_TABLES` has the unit's items.
         epoch: Which driver writes, for the manifest.
 
     Raises:
@@ -100,11 +100,11 @@ def commit_unit(run: str, unit: str, rows: Mapping[str, Sequence[Any]], *, epoch
         if records:
             spec = table_spec(name)
             parts[name] = write_part(run, spec, unit, encode_part(spec, records), len(records))
-    answers = rows["answers"]
-    statuses = dict(sorted(Counter(row.status for row in answers).items()))
+    items = next(found for name in MAIN_TABLES if (found := rows.get(name)))
+    statuses = dict(sorted(Counter(row.status for row in items).items()))
     while True:
         generation = _generation(run, unit)
-        manifest = Manifest(unit, len(answers), statuses, parts, epoch, generation)
+        manifest = Manifest(unit, len(items), statuses, parts, epoch, generation)
         if storage.create_bytes(manifest_uri(run, unit, generation), encode_manifest(manifest)):
             return Commit(True, manifest)
         if _generation(run, unit) == generation:

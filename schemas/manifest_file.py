@@ -16,7 +16,7 @@ from typing import Any
 
 from schemas import storage
 from schemas.errors import InputError
-from schemas.tables import TABLES
+from schemas.tables import ALL_TABLES
 
 FORMAT = 2
 """Version of the layout. 1 had neither seal, epoch nor generation, and is still read."""
@@ -191,7 +191,7 @@ def decode_block(data: bytes, block: str, subject: object) -> tuple[Manifest, ..
     """
     found = _unsealed_format(data, subject)
     try:
-        files, first, units = _parts(found["parts"], subject), dict.fromkeys(TABLES, 0), []
+        files, first, units = _parts(found["parts"], subject), dict.fromkeys(ALL_TABLES, 0), []
         for unit in found["units"]:
             entries = {}
             for table, rows in unit.pop("rows").items():
@@ -227,8 +227,8 @@ def _parts(found: Any, subject: object) -> dict[str, PartEntry]:
     for table, fields in found.items():
         entry = PartEntry(**fields)
         folder, _, name = entry.path.partition("/")
-        if table not in TABLES or folder != table or not _PART.fullmatch(name):
-            expected = f"a part in the folder of one of {', '.join(TABLES)}"
+        if table not in ALL_TABLES or folder != table or not _PART.fullmatch(name):
+            expected = f"a part in the folder of one of {', '.join(ALL_TABLES)}"
             raise InputError(subject, field="parts", expected=expected, found=f"{table}: {entry.path!r}")
         parts[table] = entry
     return parts

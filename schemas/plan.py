@@ -13,7 +13,7 @@ import tempfile
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from schemas import storage
 from schemas.errors import InputError
@@ -115,6 +115,16 @@ class PlannedUnit:
     questions: tuple[Question, ...]
     """The chunk, in order."""
 
+    @property
+    def items(self) -> tuple[Question, ...]:
+        """What is dispatched one by one: its questions."""
+        return self.questions
+
+    @property
+    def item_names(self) -> tuple[str, ...]:
+        """Ids of its items, as rows carry them."""
+        return tuple(question.question_id for question in self.questions)
+
     def rows(self) -> Iterator[PlanRow]:
         """Yield the unit's rows of the plan."""
         for position, question in enumerate(self.questions):
@@ -134,7 +144,15 @@ class WrittenPlan:
     """Questions in it."""
 
 
-def write_plan(uri: str, units: Iterable[PlannedUnit]) -> WrittenPlan:
+class Planned(Protocol):
+    """A unit on its way into a plan."""
+
+    def rows(self) -> Iterator[Any]:
+        """Yield the unit's rows of the plan."""
+        ...
+
+
+def write_plan(uri: str, units: Iterable[Planned], spec: TableSpec[Any] = PLAN) -> WrittenPlan:
     """Write the plan, which appears whole or, when `units` ends in an error, not at all.
 
     One row group is in memory at a time, however many units there are.
@@ -142,14 +160,15 @@ def write_plan(uri: str, units: Iterable[PlannedUnit]) -> WrittenPlan:
     Args:
         uri: Path or URI of the file.
         units: The units in order.
+        spec: Table of their rows.
     """
-    path, counted = storage.local_path(uri), _Counted(units)
+    path, counted = storage.local_path(uri), _Counted(units, spec)
     if path is not None:
-        questions = write_stream(PLAN, counted.tables(), path)
+        questions = write_stream(spec, counted.tables(), path)
         return WrittenPlan(_sha256(path), counted.units, questions)
     with tempfile.TemporaryDirectory(prefix="splatreasoner-") as place:
         aside = Path(place, PLAN_FILE)
-        questions = write_stream(PLAN, counted.tables(), aside)
+        questions = write_stream(spec, counted.tables(), aside)
         storage.write_bytes_atomic(uri, aside.read_bytes())
         return WrittenPlan(_sha256(aside), counted.units, questions)
 
@@ -157,21 +176,21 @@ def write_plan(uri: str, units: Iterable[PlannedUnit]) -> WrittenPlan:
 class _Counted:
     """Units on their way into a file, counted as they pass."""
 
-    def __init__(self, units: Iterable[PlannedUnit]) -> None:
-        self._source = units
+    def __init__(self, units: Iterable[Planned], spec: TableSpec[Any]) -> None:
+        self._source, self._spec = units, spec
         self.units = 0
 
     def tables(self) -> Iterator[pa.Table]:
         """Yield the rows, some thousands at a time."""
-        waiting: list[PlanRow] = []
+        waiting: list[Any] = []
         for unit in self._source:
             self.units += 1
             waiting.extend(unit.rows())
             if len(waiting) >= BATCH_ROWS:
-                yield PLAN.to_arrow(waiting)
+                yield self._spec.to_arrow(waiting)
                 waiting = []
         if waiting:
-            yield PLAN.to_arrow(waiting)
+            yield self._spec.to_arrow(waiting)
 
 
 def _sha256(path: Path) -> str:

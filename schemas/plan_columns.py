@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from schemas import storage
+from schemas.build_plan import BUILD_PLAN
 from schemas.errors import InputError
 from schemas.plan import PLAN, PLAN_FILE
 
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def plan_table(run: str, columns: Sequence[str]) -> pa.Table:
-    """Return columns of a run's plan, in plan order.
+    """Return columns of a run's plan, of questions or of captures, in plan order.
 
     Raises:
         InputError: There is no plan, or it is not one of this version.
@@ -28,14 +29,16 @@ def plan_table(run: str, columns: Sequence[str]) -> pa.Table:
     with storage.local_copy(uri) as path:
         try:
             with pq.ParquetFile(path, page_checksum_verification=True) as file:
-                PLAN.check(file.schema_arrow, uri)
+                schema = file.schema_arrow
+                named = (schema.metadata or {}).get(b"table") == BUILD_PLAN.name.encode()
+                (BUILD_PLAN if named else PLAN).check(schema, uri)
                 return file.read(list(columns))
         except (pa.ArrowException, OSError) as error:
             raise InputError(uri, expected="a readable plan", found=str(error).splitlines()[0]) from error
 
 
 def unit_sizes(run: str) -> dict[str, int]:
-    """Return the questions of each unit of a run, by unit id, in plan order.
+    """Return the questions, or captures, of each unit of a run, by unit id, in plan order.
 
     Raises:
         InputError: As `plan_table`.

@@ -10,7 +10,8 @@ driver/         one JSON per driver the run has had, counted
 calls/          cache of model calls, and journals of what they cost
 visibility/     rows of the visibility index, unless the job names another folder
 images/         thumbnails of the views that were considered
-results/        answers.parquet and arms.parquet, whole, written by `aggregate`
+results/        answers.parquet and arms.parquet, or builds.parquet, whole
+working/        checkpoints and progress of captures being built
 events.jsonl    what happened, a line each
 report.html     written by `report`
 """
@@ -26,6 +27,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from schemas import storage
+from schemas.build_plan import PlannedCapture, iter_captures
+from schemas.builds import BUILDS
+from schemas.calls import TIMINGS
 from schemas.committed import Committed, PartReader
 from schemas.errors import InputError
 from schemas.manifest_file import Manifest, sealed
@@ -39,11 +43,19 @@ if TYPE_CHECKING:
 
 RUN_FILE = "run.json"
 
+BUILD_RUN = "build"
+"""Value of `kind` in the run.json of a run that builds scenes; runs that answer questions have no such field."""
+
 _DEVICE = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNORECASE)
 """Names that some systems keep for devices."""
 
 LONGEST_NAME = 80
 """Longest escaped name; longer ones are cut and told apart by their hash. File systems stop at 255."""
+
+
+def is_build_run(found: Mapping[str, Any]) -> bool:
+    """Return whether a run.json is that of a run that builds scenes."""
+    return found.get("kind") == BUILD_RUN
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +90,23 @@ class RunFolder:
             raise InputError(uri, expected="a JSON object", found=type(found).__name__)
         return found
 
+    def builds(self) -> bool:
+        """Return whether the run builds scenes, rather than answering questions.
+
+        Raises:
+            InputError: As `read_run`.
+        """
+        return is_build_run(self.read_run())
+
+    def refuse_builds(self) -> None:
+        """Refuse a run that builds scenes, where answers are wanted.
+
+        Raises:
+            InputError: It is one, or as `read_run`.
+        """
+        if self.builds():
+            raise InputError(self.root, expected="a run that answers questions", found="one that builds scenes")
+
     def identity(self) -> str:
         """Return what tells this run from all others, wherever its folder is moved to."""
         found = self.read_run()
@@ -104,6 +133,18 @@ class RunFolder:
                 yield from iter_plan(path)
             except (pa.ArrowException, OSError) as error:
                 raise InputError(uri, expected="a readable plan", found=str(error).splitlines()[0]) from error
+
+    def captures(self) -> Iterator[PlannedCapture]:
+        """Yield the planned captures of a build run in order.
+
+        Raises:
+            InputError: There is no plan, or it is damaged.
+        """
+        uri = self.uri(PLAN_FILE)
+        if not storage.exists(uri):
+            raise InputError(self.root, expected=f"a run folder with {PLAN_FILE}", found="none")
+        with storage.local_copy(uri) as path:
+            yield from iter_captures(path)
 
     def manifests(self) -> Iterator[Manifest]:
         """Yield the manifests of the committed units in plan order."""
@@ -134,7 +175,9 @@ def read_table(run: str | Path, name: str) -> pd.DataFrame:
     import pyarrow as pa
 
     spec, folder = table_spec(name), RunFolder(str(run))
-    folder.read_run()
+    if folder.builds() != (name == BUILDS.name) and name != TIMINGS.name:
+        holds = f"{BUILDS.name} and {TIMINGS.name}" if folder.builds() else f"all but {BUILDS.name}"
+        raise InputError(run, field="table", expected=f"one of this run's: {holds}", found=name)
     table = pa.concat_tables([spec.arrow_schema().empty_table(), *folder.parts(name)])
     frame = table.to_pandas()
     # A whole number that may be missing must not turn into a float.

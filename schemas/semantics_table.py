@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from schemas.errors import InputError
-from schemas.storage import read_bytes, write_bytes_atomic
+from schemas.storage import local_copy, read_bytes, write_bytes_atomic
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 NAME = "semantics"
 VERSION = 1
 METADATA_KEY = b"splatreasoner"
+CATEGORY, EMBEDDING, INSTANCE = "category_id", "embedding", "instance_id"
+"""Its columns."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +51,7 @@ def write_semantics(table: SemanticsTable, uri: str | os.PathLike[str]) -> None:
     import pyarrow.parquet as pq
 
     arrays: dict[str, pa.Array] = {}
-    for name, values in (("category_id", table.category), ("instance_id", table.instance)):
+    for name, values in ((CATEGORY, table.category), (INSTANCE, table.instance)):
         if values is not None:
             if values.ndim != 1 or values.dtype != np.int32:
                 raise InputError(uri, field=name, expected="int32 of one dimension", found=_described(values))
@@ -58,7 +60,7 @@ def write_semantics(table: SemanticsTable, uri: str | os.PathLike[str]) -> None:
         if embedding.ndim != 2 or embedding.shape[1] < 1 or embedding.dtype not in (np.float16, np.float32):
             raise InputError(uri, field="embedding", expected="(M, D) float16 or float32", found=_described(embedding))
         flat = pa.array(np.ascontiguousarray(embedding).reshape(-1))
-        arrays["embedding"] = pa.FixedSizeListArray.from_arrays(flat, embedding.shape[1])
+        arrays[EMBEDDING] = pa.FixedSizeListArray.from_arrays(flat, embedding.shape[1])
     lengths = {name: len(array) for name, array in arrays.items()}
     if len(set(lengths.values())) != 1:
         raise InputError(uri, expected="at least one column, all of one length", found=lengths or "no column")
@@ -69,7 +71,7 @@ def write_semantics(table: SemanticsTable, uri: str | os.PathLike[str]) -> None:
         pa.Table.from_arrays(list(arrays.values()), schema=schema),
         sink,
         compression="zstd",
-        use_dictionary=["category_id", "instance_id"],
+        use_dictionary=[CATEGORY, INSTANCE],
         write_page_checksum=True,
     )
     write_bytes_atomic(uri, sink.getvalue().to_pybytes())
@@ -90,14 +92,29 @@ def read_semantics(uri: str | os.PathLike[str]) -> SemanticsTable:
     except (pa.ArrowException, OSError, ValueError, MemoryError) as error:
         raise InputError(uri, expected="an undamaged Parquet file", found=_first_line(error)) from error
     vocabulary = _vocabulary(uri, (table.schema.metadata or {}).get(METADATA_KEY))
-    unknown = set(table.column_names) - {"category_id", "embedding", "instance_id"}
+    unknown = set(table.column_names) - {CATEGORY, EMBEDDING, INSTANCE}
     if unknown or not table.num_columns:
-        raise InputError(
-            uri, field="columns", expected="category_id, embedding or instance_id", found=sorted(unknown) or "none"
-        )
-    return SemanticsTable(
-        vocabulary, _ids(uri, table, "category_id"), _embedding(uri, table), _ids(uri, table, "instance_id")
-    )
+        expected = f"{CATEGORY}, {EMBEDDING} or {INSTANCE}"
+        raise InputError(uri, field="columns", expected=expected, found=sorted(unknown) or "none")
+    return SemanticsTable(vocabulary, _ids(uri, table, CATEGORY), _embedding(uri, table), _ids(uri, table, INSTANCE))
+
+
+def read_semantics_columns(uri: str | os.PathLike[str]) -> dict[str, int]:
+    """Return the columns of a semantics.parquet and how many numbers each has a Gaussian, from the footer alone.
+
+    Raises:
+        InputError: The file is missing or damaged.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    with local_copy(uri) as path:
+        try:
+            schema = pq.read_schema(path)
+        except (pa.ArrowException, OSError, ValueError) as error:
+            raise InputError(uri, expected="an undamaged Parquet file", found=_first_line(error)) from error
+    sizes = {field.name: field.type for field in schema}
+    return {name: kind.list_size if pa.types.is_fixed_size_list(kind) else 1 for name, kind in sizes.items()}
 
 
 def _metadata(vocabulary: tuple[str, ...]) -> dict[str, Any]:
@@ -141,9 +158,9 @@ def _ids(uri: str | os.PathLike[str], table: pa.Table, name: str) -> np.ndarray 
 def _embedding(uri: str | os.PathLike[str], table: pa.Table) -> np.ndarray | None:
     import pyarrow as pa
 
-    if "embedding" not in table.column_names:
+    if EMBEDDING not in table.column_names:
         return None
-    column = table.column("embedding")
+    column = table.column(EMBEDDING)
     kind = column.type
     if not (pa.types.is_fixed_size_list(kind) and kind.value_type in (pa.float16(), pa.float32())) or column.null_count:
         expected = "fixed-size lists of float16 or float32 without nulls"

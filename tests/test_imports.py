@@ -20,7 +20,7 @@ PIPELINE_ORDER = {
     "render": {"geometry", "scene"},
     "models": {"scene"},
     "metrics": {"geometry", "scene", "models"},
-    "construct": {"geometry", "scene", "render"},
+    "construct": {"geometry", "scene", "render", "metrics"},
     "query": {"geometry", "scene", "datasets", "render", "models"},
     "tasks": {"geometry", "scene", "datasets", "render", "models", "metrics", "query"},
     "baselines": {"geometry", "scene", "datasets", "render", "construct", "models", "metrics", "query", "tasks"},

@@ -1,11 +1,12 @@
-"""Bounded dispatch of questions to a backend, the same loop in-process and on Ray.
+"""Bounded dispatch of questions, or of captures to be built, to a backend: the same loop in-process and on Ray.
 
 It owns the questions in flight, the ledger of tries, the deadline of each and what becomes of an error; a backend only
 starts questions and says which have ended. What Ray would retry by itself is switched off: a retry is decided here, by
 error type, and counted.
 
 Questions travel in batches (`pace.py`) and end one by one: an error is its question's alone, and when a whole batch is
-lost its questions are tried again each alone, so that the one that kills its worker takes no other down.
+lost its questions are tried again each alone, so that the one that kills its worker takes no other down. A unit that
+builds a scene has one item, its capture, which is dispatched as a question is.
 """
 
 from __future__ import annotations
@@ -15,17 +16,23 @@ import traceback
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
-from schemas.errors import RetryError, SplatReasonerError, StopError
-from schemas.plan import PlannedUnit
-from schemas.questions import Question
+from schemas.errors import RetryError, SplatReasonerError, StopError, StoppedError
 from workers.pace import Limits, Pace
 from workers.steps import Tables
 
-__all__ = ["Backend", "DeadlineError", "Ended", "Limits", "OutOfMemoryError", "Outcome", "WorkerLostError", "dispatch"]
-
-H = TypeVar("H")
+__all__ = [
+    "Backend",
+    "DeadlineError",
+    "Ended",
+    "Limits",
+    "OutOfMemoryError",
+    "Outcome",
+    "Unit",
+    "WorkerLostError",
+    "dispatch",
+]
 
 TICK_S = 1.0
 """Longest wait before deadlines and the stop flag are looked at again."""
@@ -46,6 +53,30 @@ class DeadlineError(RetryError):
     """A question had no result in time."""
 
 
+class Unit(Protocol):
+    """A planned unit: what is dispatched are its items, which are questions or one capture."""
+
+    @property
+    def id(self) -> str:
+        """Unit id."""
+        ...
+
+    @property
+    def items(self) -> Sequence[Any]:
+        """Its items, in order."""
+        ...
+
+    @property
+    def item_names(self) -> Sequence[str]:
+        """Their ids, as rows carry them."""
+        ...
+
+
+H = TypeVar("H")
+U = TypeVar("U", bound=Unit)
+U_contra = TypeVar("U_contra", bound=Unit, contravariant=True)
+
+
 @dataclass(frozen=True, slots=True)
 class Ended:
     """What became of questions that travelled together."""
@@ -59,10 +90,10 @@ class Ended:
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class Outcome(Generic[U]):
     """One question's end."""
 
-    unit: PlannedUnit
+    unit: U
     """Its unit."""
     position: int
     """Its place in the unit."""
@@ -74,10 +105,10 @@ class Outcome:
     """Class name of the error its rows record; empty when there was none."""
 
 
-class Backend(Protocol, Generic[H]):
-    """Where questions run."""
+class Backend(Protocol, Generic[H, U_contra]):
+    """Where questions, or other items of units, run."""
 
-    def submit(self, unit: PlannedUnit, questions: Sequence[Question]) -> H:
+    def submit(self, unit: U_contra, questions: Sequence[Any]) -> H:
         """Start questions of a unit, which travel together, without waiting for them."""
         ...
 
@@ -93,18 +124,18 @@ class Backend(Protocol, Generic[H]):
         """Give up questions; their effects, all idempotent, may still happen."""
         ...
 
-    def forget(self, unit: PlannedUnit) -> None:
+    def forget(self, unit: U_contra) -> None:
         """Drop what is held of the unit's scene, so that the next try loads it anew."""
         ...
 
-    def failed(self, question: Question, error: Exception) -> Tables:
+    def failed(self, question: Any, error: Exception) -> Tables:
         """Return the records of a question that ended in an error."""
         ...
 
 
 @dataclass(slots=True)
-class _Try:
-    unit: PlannedUnit
+class _Try(Generic[U]):
+    unit: U
     position: int
     number: int = 1
     excused: int = 0
@@ -114,8 +145,8 @@ class _Try:
     not_before: float = 0.0
 
     @property
-    def question(self) -> Question:
-        return self.unit.questions[self.position]
+    def item(self) -> Any:
+        return self.unit.items[self.position]
 
     def may_retry(self, error: Exception, limits: Limits) -> bool:
         enough = self.out_of_memory >= limits.oom_tries or self.number - self.excused > limits.retries
@@ -123,21 +154,21 @@ class _Try:
 
 
 @dataclass(frozen=True, slots=True)
-class _Batch:
-    tries: Sequence[_Try]
+class _Batch(Generic[U]):
+    tries: Sequence[_Try[U]]
     deadline: float
 
 
 def dispatch(
-    units: Iterable[PlannedUnit],
-    backend: Backend[H],
+    units: Iterable[U],
+    backend: Backend[H, U],
     limits: Limits,
     *,
     should_stop: Callable[[], bool] = lambda: False,
     note: Callable[..., None] = lambda kind, **details: None,
     clock: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], None] = time.sleep,
-) -> Iterator[Outcome]:
+) -> Iterator[Outcome[U]]:
     """Yield the outcome of every question, in the order they end.
 
     Args:
@@ -152,8 +183,8 @@ def dispatch(
     Raises:
         StopError: A question met one; raised after what is in flight has ended or `drain_s` is over.
     """
-    pace, fresh, again = Pace(limits), _Fresh(units), deque[_Try]()
-    running: dict[H, _Batch] = {}
+    pace, fresh, again = Pace(limits), _Fresh(units), deque[_Try[U]]()
+    running: dict[H, _Batch[U]] = {}
     in_flight = 0
     stop: StopError | None = None
     drain_until = float("inf")
@@ -166,7 +197,7 @@ def dispatch(
             tries = _due(again, clock()) or fresh.take(pace.together)
             if not tries:
                 break
-            handle = backend.submit(tries[0].unit, [attempt.question for attempt in tries])
+            handle = backend.submit(tries[0].unit, [attempt.item for attempt in tries])
             running[handle] = _Batch(tries, clock() + limits.timeout_s)
             in_flight += len(tries)
         if not running:
@@ -191,11 +222,12 @@ def dispatch(
                 if isinstance(found, StopError):
                     stop = stop or found
                     continue
+                if isinstance(found, StoppedError):
+                    continue  # as asked: not done, and nothing wrong with it
                 kind = type(found).__name__
-                question = attempt.question
                 told = {
                     "unit": attempt.unit.id,
-                    "question": question.question_id,
+                    "question": attempt.unit.item_names[attempt.position],
                     "error": kind,
                     "tries": attempt.number,
                 }
@@ -206,7 +238,7 @@ def dispatch(
                     again.append(attempt)
                     continue
                 note("failed", **told, **_told(found))
-                tables = backend.failed(question, found)
+                tables = backend.failed(attempt.item, found)
                 yield Outcome(attempt.unit, attempt.position, tables, attempt.number, kind)
         if clock() > drain_until:
             note("gave_up", questions=in_flight)
@@ -217,24 +249,24 @@ def dispatch(
         raise stop
 
 
-class _Fresh:
+class _Fresh(Generic[U]):
     """The questions that have not been tried, in plan order."""
 
-    def __init__(self, units: Iterable[PlannedUnit]) -> None:
+    def __init__(self, units: Iterable[U]) -> None:
         self._units = iter(units)
-        self._left: deque[_Try] = deque()
+        self._left: deque[_Try[U]] = deque()
 
-    def take(self, most: int) -> list[_Try]:
+    def take(self, most: int) -> list[_Try[U]]:
         """Return the next questions, all of one unit and so of one scene; none at the end."""
         if not self._left and (unit := next(self._units, None)) is not None:
-            self._left.extend(_Try(unit, position) for position in range(len(unit.questions)))
+            self._left.extend(_Try(unit, position) for position in range(len(unit.items)))
         # In equal pieces: 10, 10 and 5 would take longer side by side than 9, 8 and 8.
         pieces = -(-len(self._left) // most)
         count = -(-len(self._left) // pieces) if pieces else 0
         return [self._left.popleft() for _ in range(count)]
 
 
-def _due(again: deque[_Try], now: float) -> list[_Try]:
+def _due(again: deque[_Try[U]], now: float) -> list[_Try[U]]:
     """Take out the first question whose wait for its next try is over; it travels alone."""
     found = next((attempt for attempt in again if attempt.not_before <= now), None)
     if found is None:
@@ -244,7 +276,7 @@ def _due(again: deque[_Try], now: float) -> list[_Try]:
 
 
 def _results(
-    backend: Backend[H], handle: H, tries: Sequence[_Try], overdue_s: float | None, pace: Pace
+    backend: Backend[H, U], handle: H, tries: Sequence[_Try[U]], overdue_s: float | None, pace: Pace
 ) -> Sequence[Tables | Exception]:
     """Return what became of each question of a batch; an error of the whole batch is each one's."""
     try:

@@ -175,9 +175,9 @@ class OnRay:
             found: Together = ray.get(handle.steps[-1], timeout=FETCH_S)
             notes = ray.get(list(handle.scene.notes), timeout=FETCH_S)
         except RayTaskError as error:
-            raise _own_error(error) from None
+            raise own_error(error) from None
         except (GetTimeoutError, RayError) as error:
-            raise _lost(error) from None
+            raise lost_work(error) from None
         results = [value.error if isinstance(value, Failed) else value for value in found.values]
         for place, tables in enumerate(results):
             if notes and not isinstance(tables, Exception):
@@ -229,13 +229,13 @@ def _start_limiter(work: Work, name: str) -> Any:
     return _Limiter.options(**options).remote(work)
 
 
-def _own_error(error: RayTaskError) -> Exception:
+def own_error(error: RayTaskError) -> Exception:
     """Return what was raised in the worker; lost or cancelled work of an earlier step counts as a lost worker."""
     cause = error.cause
     while isinstance(cause, RayTaskError):
         cause = cause.cause
     if isinstance(cause, RayError | TaskCancelledError):
-        return _lost(cause)
+        return lost_work(cause)
     if not isinstance(cause, Exception):
         return WorkerLostError(_first_line(error))
     # The traceback stays behind in the worker; its text is what a person needs.
@@ -243,7 +243,8 @@ def _own_error(error: RayTaskError) -> Exception:
     return cause
 
 
-def _lost(error: Exception) -> WorkerLostError:
+def lost_work(error: Exception) -> WorkerLostError:
+    """Return the error of work whose process, node or object is gone."""
     kind = OutOfMemoryError if isinstance(error, exceptions.OutOfMemoryError) else WorkerLostError
     return kind(f"{type(error).__name__}: {_first_line(error)}")
 

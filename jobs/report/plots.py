@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 
-WIDTH = 560
-LABEL_WIDTH = 165
-VALUE_WIDTH = 56
-LABEL_CHARS = 25
+WIDTH = 420
+LABEL_WIDTH = 142
+VALUE_WIDTH = 58
+LABEL_CHARS = 24
 """Longest label drawn; the whole one is in its tooltip."""
 BAR = 13
 GAP = 8
@@ -58,7 +58,7 @@ def bar_plot(
         stacked: Put a group's bars end to end instead of below each other.
     """
     totals = [sum(bar.value or 0 for bar in group.bars) if stacked else _reach(group.bars) for group in groups]
-    top = _round_up(max(totals, default=0))
+    top = round_up(max(totals, default=0))
     scale = (WIDTH - LABEL_WIDTH - VALUE_WIDTH) / top
     rows = 1 if stacked else max(1, len(series))
     height = TOP + len(groups) * (rows * BAR + GAP) + AXIS
@@ -66,10 +66,12 @@ def bar_plot(
         f'<svg viewBox="0 0 {WIDTH} {height}" role="img" aria-label="{escape(describe)}" class="plot">',
         f"<title>{escape(describe)}</title>",
     ]
-    for tick in _ticks(top):
+    for tick in ticks(top):
         x = LABEL_WIDTH + tick * scale
         parts.append(f'<line class="grid" x1="{x:.1f}" x2="{x:.1f}" y1="{TOP}" y2="{height - AXIS}"/>')
-        parts.append(f'<text class="tick" x="{x:.1f}" y="{height - 8}" text-anchor="middle">{_number(tick)}</text>')
+        parts.append(
+            f'<text class="tick" x="{x:.1f}" y="{height - 8}" text-anchor="middle">{short_number(tick)}</text>'
+        )
     y = float(TOP)
     for group in groups:
         middle = y + (rows * BAR) / 2 + 4
@@ -87,7 +89,7 @@ def _rows(group: BarGroup, series: Sequence[str], y: float, scale: float) -> lis
     parts = []
     for place, (bar, name) in enumerate(zip(group.bars, series, strict=True)):
         top = y + place * BAR
-        text = bar.text or ("–" if bar.value is None else _number(bar.value))
+        text = bar.text or ("–" if bar.value is None else short_number(bar.value))
         tip = f"{group.label}, {name}: {text}" if name else f"{group.label}: {text}"
         end = bar.value or 0.0
         if bar.value is not None:
@@ -107,9 +109,9 @@ def _stack(group: BarGroup, series: Sequence[str], y: float, scale: float) -> li
     parts, x = [], float(LABEL_WIDTH)
     for place, (bar, name) in enumerate(zip(group.bars, series, strict=True)):
         if bar.value:
-            parts.append(_rect(place, x, y, bar.value * scale, f"{group.label}, {name}: {_number(bar.value)}"))
+            parts.append(_rect(place, x, y, bar.value * scale, f"{group.label}, {name}: {short_number(bar.value)}"))
             x += bar.value * scale
-    text = " + ".join(_number(bar.value or 0) for bar in group.bars)
+    text = " + ".join(short_number(bar.value or 0) for bar in group.bars)
     parts.append(f'<text class="value" x="{x + 5:.1f}" y="{y + BAR - 2:.1f}">{escape(text)}</text>')
     return parts
 
@@ -123,20 +125,24 @@ def _reach(bars: Sequence[Bar]) -> float:
     return max((max(bar.value or 0.0, bar.high or 0.0) for bar in bars), default=0.0)
 
 
-def _round_up(value: float) -> float:
-    """The least of 1, 2, 5 times a power of ten that is not below the value."""
+def round_up(value: float) -> float:
+    """Return the least of 1, 2, 5 times a power of ten that is not below the value."""
     if value <= 0:
         return 1.0
     power = 10.0 ** math.floor(math.log10(value))
     return next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= value)
 
 
-def _ticks(top: float) -> list[float]:
+def ticks(top: float) -> list[float]:
+    """Return even steps from 0 to the top of an axis."""
     steps = 4 if math.isclose(top / 10 ** math.floor(math.log10(top)), 2) else 5
     return [top * step / steps for step in range(steps + 1)]
 
 
-def _number(value: float) -> str:
+def short_number(value: float) -> str:
+    """Return a number with about two digits."""
+    if value >= 10_000:
+        return f"{value / 1e6:.3g}M" if value >= 1e6 else f"{value / 1e3:.3g}k"
     if value >= 100 or value == int(value):
         return f"{value:,.0f}"
     return f"{value:.1f}" if value >= 10 else f"{value:.2g}"

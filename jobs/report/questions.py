@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
+from jobs.scores import ARMS
 from pipeline.metrics.llm_match import match_score
 from schemas.run_folder import image_name
 
@@ -15,8 +17,12 @@ RIGHT_MARK = 4
 RIGHT_IOU = 0.1
 """A grounding is right above this IoU: the stricter of the paper's two thresholds."""
 
-REPLY_SHOWN = 600
+REPLY_SHOWN = 4_000
 """Characters of a reply on the page; the tables hold it whole."""
+LISTED = 160
+"""Characters of a question and of its answers in the list, which is loaded whole."""
+OF_A_QUESTION = ("arms", "clusterings", "clusters", "candidates", "regions", "calls", "timings")
+"""Tables with rows of a question, beside `answers`."""
 
 LABELS: Mapping[str, str] = {
     "right": "Right",
@@ -35,21 +41,68 @@ LABELS: Mapping[str, str] = {
 """Filters of the question list, in order."""
 
 
-def question_records(tables: Mapping[str, pd.DataFrame], images: Collection[str], limit: int) -> list[dict[str, Any]]:
-    """Return the first `limit` questions with all that led to their answers.
+class Questions:
+    """The committed questions of a run, made into plain data some at a time: a large run does not fit in memory whole.
 
     Args:
-        tables: `answers`, `arms`, `clusters`, `candidates` and `calls`.
+        tables: `answers`, `arms`, `clusters`, `candidates`, `calls`, `regions`, `clusterings` and `timings`.
         images: Paths, below the run folder, of the thumbnails that exist.
-        limit: Questions kept.
+        limit: Questions kept, in plan order.
+        link: Put before those paths, so that a page elsewhere finds them.
     """
-    answers = tables["answers"].head(limit)
-    kept = set(answers["question_id"])
-    by_question = {name: _by_question(tables[name], kept) for name in ("arms", "clusters", "candidates", "calls")}
-    return [
-        _record(row, {name: rows.get(row["question_id"], []) for name, rows in by_question.items()}, images)
-        for row in _rows(answers)
-    ]
+
+    def __init__(self, tables: Mapping[str, pd.DataFrame], images: Collection[str], limit: int, link: str = "") -> None:
+        self._answers = tables["answers"].head(limit).reset_index(drop=True)
+        self._tables = {name: tables[name] for name in OF_A_QUESTION}
+        self._places = {name: table.groupby("question_id").indices for name, table in self._tables.items()}
+        self._images, self._link = images, link
+
+    def __len__(self) -> int:
+        return len(self._answers)
+
+    def rows(self, name: str, question_id: str) -> list[dict[str, Any]]:
+        """Return a question's rows of a table."""
+        places = self._places[name].get(question_id)
+        return [] if places is None else _rows(self._tables[name].iloc[places])
+
+    def table(self, name: str) -> pd.DataFrame:
+        """Return a table with all its rows."""
+        return self._tables[name]
+
+    def listed(self) -> list[dict[str, Any]]:
+        """Return what the list shows of every question."""
+        arms = _by_question(self._tables["arms"], set(self._answers["question_id"]))
+        return [
+            _listed(row, {str(arm["arm"]): arm for arm in arms.get(row["question_id"], [])})
+            for row in _rows(self._answers)
+        ]
+
+    def records(self, first: int, count: int) -> list[dict[str, Any]]:
+        """Return `count` questions from place `first` on with all that led to their answers."""
+        chosen = self._answers.iloc[first : first + count]
+        kept = set(chosen["question_id"])
+        found = {}
+        for name, places in self._places.items():
+            where = [places[question] for question in chosen["question_id"] if question in places]
+            table = self._tables[name]
+            found[name] = _by_question(table.iloc[np.concatenate(where)] if where else table.head(0), kept)
+        return [
+            _record(row, {name: rows.get(row["question_id"], []) for name, rows in found.items()}, self._image)
+            for row in _rows(chosen)
+        ]
+
+    def _image(self, candidate: Mapping[str, Any]) -> str | None:
+        image = image_name(candidate["scene"], candidate["candidate"], list(candidate["world_to_camera"]))
+        return self._link + image if image in self._images else None
+
+
+def standing_arm(arms: Collection[str]) -> str:
+    """Return the arm whose answer counts: the last in the order of the method; empty for none."""
+    return max(arms, key=_place, default="")
+
+
+def _place(arm: str) -> tuple[int, str]:
+    return (ARMS.index(arm), "") if arm in ARMS else (len(ARMS), arm)
 
 
 def labels_of(status: str, arms: Mapping[str, Mapping[str, Any]]) -> list[str]:
@@ -60,7 +113,7 @@ def labels_of(status: str, arms: Mapping[str, Mapping[str, Any]]) -> list[str]:
         arms: Its arms by name, each with task, answer, views, chosen, mark and iou.
     """
     found = [status] if status != "answered" else []
-    last = arms.get("verified", {})
+    last = arms.get(standing_arm(arms), {})
     right = _is_right(last)
     found.append("unscored" if right is None else "right" if right else "wrong")
     for label, first, second in (("novel", "initial", "final"), ("verify", "final", "verified")):
@@ -74,10 +127,24 @@ def labels_of(status: str, arms: Mapping[str, Mapping[str, Any]]) -> list[str]:
     return found
 
 
+def _listed(answer: Mapping[str, Any], arms: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    scores = [_rounded(_score(arms[name]), 1) for name in sorted(arms, key=_place)]
+    return {
+        "id": answer["question_id"],
+        "scene": answer["scene"],
+        "task": answer["task"],
+        "category": answer["category"],
+        "question": _cut(answer["question"], LISTED),
+        "reference": _cut(_plain(answer["reference"]) or "", LISTED),
+        "answer": _cut(answer["answer"], LISTED) if answer["status"] == "answered" else answer["status"],
+        "labels": labels_of(str(answer["status"]), arms),
+        "scores": scores,
+    }
+
+
 def _record(
-    answer: dict[str, Any], rows: Mapping[str, list[dict[str, Any]]], images: Collection[str]
+    answer: dict[str, Any], rows: Mapping[str, list[dict[str, Any]]], image: Callable[[Mapping[str, Any]], str | None]
 ) -> dict[str, Any]:
-    arms = {str(arm["arm"]): arm for arm in rows["arms"]}
     return {
         "id": answer["question_id"],
         "scene": answer["scene"],
@@ -95,10 +162,17 @@ def _record(
         "answer": answer["answer"],
         "stands": answer["arm"],
         "model": answer["model"],
-        "labels": labels_of(str(answer["status"]), arms),
+        "saved": list(answer["saved"]),
+        "labels": labels_of(str(answer["status"]), {str(arm["arm"]): arm for arm in rows["arms"]}),
         "arms": [_arm(arm) for arm in rows["arms"]],
-        "clusters": [_cluster(cluster, rows["candidates"], images) for cluster in rows["clusters"]],
+        "clusterings": [
+            [row["category"], int(row["activated"]), int(row["clusters"]), _rounded(row["epsilon_m"], 3)]
+            for row in rows["clusterings"]
+        ],
+        "clusters": [_cluster(cluster, rows["candidates"], image) for cluster in rows["clusters"]],
+        "regions": [[row["arm"], int(row["instance"]), row["view"], len(row["gaussians"])] for row in rows["regions"]],
         "calls": [_call(call) for call in rows["calls"]],
+        "seconds": [[row["stage"], _rounded(row["seconds"], 4)] for row in rows["timings"]],
     }
 
 
@@ -121,7 +195,9 @@ def _arm(arm: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _cluster(
-    cluster: Mapping[str, Any], candidates: Sequence[Mapping[str, Any]], images: Collection[str]
+    cluster: Mapping[str, Any],
+    candidates: Sequence[Mapping[str, Any]],
+    image: Callable[[Mapping[str, Any]], str | None],
 ) -> dict[str, Any]:
     return {
         "cluster": int(cluster["cluster"]),
@@ -133,13 +209,14 @@ def _cluster(
         "visible": int(cluster["visible"]),
         "final": cluster["final"],
         "candidates": [
-            _candidate(candidate, images) for candidate in candidates if candidate["cluster"] == cluster["cluster"]
+            _candidate(candidate, image(candidate))
+            for candidate in candidates
+            if candidate["cluster"] == cluster["cluster"]
         ],
     }
 
 
-def _candidate(candidate: Mapping[str, Any], images: Collection[str]) -> dict[str, Any]:
-    image = image_name(candidate["scene"], candidate["candidate"], list(candidate["world_to_camera"]))
+def _candidate(candidate: Mapping[str, Any], image: str | None) -> dict[str, Any]:
     return {
         "candidate": candidate["candidate"],
         "move": candidate["move"],
@@ -149,23 +226,31 @@ def _candidate(candidate: Mapping[str, Any], images: Collection[str]) -> dict[st
         "source": candidate["source"],
         "answer": _plain(candidate["answer"]),
         "chosen": bool(candidate["chosen"]),
-        "image": image if image in images else None,
+        "image": image,
+        "area": _rounded(candidate["area"], 4),
+        "pose": [_rounded(value, 4) for value in candidate["world_to_camera"]],
     }
 
 
 def _call(call: Mapping[str, Any]) -> dict[str, Any]:
-    reply = str(call["reply"])
     return {
         "stage": call["stage"],
         "subject": call["subject"],
         "model": call["model"],
+        "prompt": call["prompt_sha256"][:16],
+        "key": call["key"],
         "attempt": int(call["attempt"]),
         "outcome": call["outcome"],
         "tokens": [int(call["prompt_tokens"]), int(call["completion_tokens"])],
         "seconds": _rounded(call["latency_s"], 3),
+        "usd": _rounded(call["usd"], 6),
         "cached": bool(call["cached"]),
-        "reply": reply if len(reply) <= REPLY_SHOWN else reply[: REPLY_SHOWN - 1] + "…",
+        "reply": _cut(str(call["reply"]), REPLY_SHOWN),
     }
+
+
+def _cut(text: str, characters: int) -> str:
+    return text if len(text) <= characters else text[: characters - 1] + "…"
 
 
 def _is_right(arm: Mapping[str, Any]) -> bool | None:

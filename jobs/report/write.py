@@ -1,4 +1,4 @@
-"""From a run folder to report.html."""
+"""From a run folder to report.html and the folder of its data."""
 
 from __future__ import annotations
 
@@ -6,38 +6,65 @@ from pathlib import Path
 
 from jobs.aggregate import NEEDED, aggregate_tables
 from jobs.coverage import read_plan
+from jobs.events import read_events
+from jobs.progress import Progress
+from jobs.report.listing import SHARD, list_data, prompt_templates
 from jobs.report.page import RunFacts, page
-from jobs.report.questions import question_records
+from jobs.report.pictures import DrawingBudget, draw_pictures
+from jobs.report.questions import OF_A_QUESTION, Questions
+from jobs.report.shards import DataFolder
 from jobs.scores import Options
 from jobs.status import run_status
 from schemas import storage
 from schemas.run_folder import RunFolder, read_table
 
 REPORT = "report.html"
-MAX_QUESTIONS = 2_000
-"""Questions shown one by one: about 10 KB each, so that a phone still opens the page."""
+DATA = "report"
+"""Folder beside the page."""
+MAX_QUESTIONS = 20_000
+"""Questions in the list, which is loaded whole: about 0.3 KB each."""
 
 
-def write_report(run: str | Path, *, options: Options | None = None, max_questions: int = MAX_QUESTIONS) -> str:
+def write_report(
+    run: str | Path,
+    *,
+    options: Options | None = None,
+    max_questions: int = MAX_QUESTIONS,
+    drawing: DrawingBudget | None = None,
+    progress: Progress | None = None,
+) -> str:
     """Write the page of a run and return its path or URI.
 
-    It is made from the run folder alone, needs no network, and shows the thumbnails that lie beside it.
+    It is made from the run folder, needs no network, and shows the thumbnails that lie beside it. Overlays and maps
+    are drawn for some questions where the scenes' files are at hand.
 
     Args:
         run: Run folder, a path or URI.
         options: How metrics are computed.
         max_questions: Questions shown one by one, in plan order; the tables count all.
+        drawing: How many questions get pictures from their scene.
+        progress: Who is told how drawing goes; None for nobody.
 
     Raises:
         InputError: There is no such run, or a part is damaged.
     """
     folder = RunFolder(str(run))
-    facts = RunFacts(folder.read_run(), run_status(folder.root))
-    tables = {name: read_table(folder.root, name) for name in (*NEEDED, "clusters", "candidates")}
+    facts = RunFacts(folder.read_run(), run_status(folder.root), tuple(read_events(folder.root)))
+    names = dict.fromkeys((*NEEDED, *OF_A_QUESTION))
+    tables = {name: read_table(folder.root, name) for name in names}
     images = {f"images/{name}" for name in storage.list_files(folder.uri("images"), recursive=True)}
     metrics = aggregate_tables({**tables, "plan": read_plan(folder.root)}, options)
-    questions = question_records(tables, images, max_questions)
-    content = page(facts, metrics, questions, total=len(tables["answers"]))
+    questions = Questions(tables, images, max_questions)
+    data, listed = DataFolder(folder.uri(DATA), DATA), questions.listed()
+    config = facts.run.get("config")
+    method = config.get("method", {}) if isinstance(config, dict) else {}
+    drawn = draw_pictures(folder.root, method, questions, listed, data, drawing or DrawingBudget(), progress)
+    for number, first in enumerate(range(0, len(questions), SHARD)):
+        records = questions.records(first, SHARD)
+        data.script(f"q{number}", [{**record, "drawn": drawn.questions.get(record["id"])} for record in records])
+    data.script("list", list_data(listed, drawn, prompt_templates(facts.run)))
+    data.tidy()
+    content = page(facts, metrics, tables, shown=len(questions), data=DATA)
     uri = folder.uri(REPORT)
     storage.write_bytes_atomic(uri, content.encode("utf-8", "replace"))
     return uri

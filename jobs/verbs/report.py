@@ -1,4 +1,4 @@
-"""`splatreasoner report`: a run as one page to look at."""
+"""`splatreasoner report`: a run as a page to look at."""
 
 from __future__ import annotations
 
@@ -7,11 +7,29 @@ from typing import Annotated
 import typer
 
 
-def report(run: Annotated[str, typer.Argument(help="Run folder, a path or URI.")]) -> None:
+def report(
+    run: Annotated[str, typer.Argument(help="Run folder, a path or URI.")],
+    overlays: Annotated[
+        int, typer.Option(min=0, help="Questions whose clusters and groundings are drawn; 0 draws none.")
+    ] = 24,
+    seconds: Annotated[float, typer.Option(min=0, help="No picture is begun after so long.")] = 120.0,
+    scenes: Annotated[str, typer.Option(help="Folder with the scenes, where they are not where the plan says.")] = "",
+) -> None:
     """Write report.html into a run: scores, and for every question what led to its answer.
 
-    Example: [bold]splatreasoner report demo/run[/bold]
-    """
-    from jobs.report import write_report
+    Its data lie in the folder report/ beside it: keep both together. Questions with overlays are some of each outcome.
 
-    print(write_report(run))
+    Examples: [bold]splatreasoner report demo/run[/bold]
+
+    [bold]splatreasoner report runs/scannet --overlays 500 --seconds 1800 --scenes data/scenes[/bold]
+    """
+    from jobs.progress import for_terminal
+    from jobs.report import write_report
+    from jobs.report.pictures import DrawingBudget
+
+    shown = for_terminal("questions drawn")
+    try:
+        page = write_report(run, drawing=DrawingBudget(overlays, seconds, scenes), progress=shown)
+    finally:
+        shown.end()
+    print(page)

@@ -22,13 +22,14 @@ def resume(
     plain: Annotated[bool, typer.Option("--plain", help="Plain lines off a terminal, in place of JSON.")] = False,
     log_json: Annotated[bool, typer.Option("--log-json", help="JSON lines also on a terminal.")] = False,
 ) -> None:
-    """Answer the questions of a run that are not committed yet; nothing else than its folder is needed.
+    """Do what a run has not committed yet, questions or captures; nothing else than its folder is needed.
 
     Example: [bold]splatreasoner resume demo/run[/bold]
     """
     from jobs.progress import for_terminal, progress_style
     from jobs.submit import resume
-    from jobs.verbs.ending import cache_mode, end
+    from jobs.verbs.ending import cache_mode, end, end_build
+    from schemas.run_folder import RunFolder
 
     given: dict[str, Any] = {"cpus": cpus, "address": address, "in_process": in_process}
     if address is not None and in_process is None:
@@ -37,6 +38,12 @@ def resume(
     caps = {"calls": max_calls, "tokens": max_tokens, "usd": max_usd}
     budget = {name: value for name, value in caps.items() if value is not None}
     cache = cache_mode(no_cache, replay)
+    if RunFolder(run).builds():
+        from jobs.build_captures import resume_build
+
+        shown = for_terminal("captures", progress_style(plain, log_json))
+        end_build(resume_build(run, progress=shown, workers=workers))
+        return
     end(
         resume(
             run,

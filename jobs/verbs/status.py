@@ -53,16 +53,17 @@ def lines(found: RunStatus, run: str) -> list[str]:
     """Return a status for people, line by line."""
     state = "complete" if found.complete else "running" if found.running else "not running"
     told = [f"{found.name}: {state}", f"units: {found.units_done} of {found.units} committed"]
-    told.append(f"questions: {found.questions_done} of {found.questions} committed")
+    told.append(f"{found.items}: {found.questions_done} of {found.questions} committed")
     told += [f"  {name}: {count}" for name, count in found.statuses.items()]
     if found.driver and not found.complete:
         quiet = "" if found.quiet_s is None else f", last word {_minutes(found.quiet_s / 60)} ago"
         told.append(f"{'driver' if found.running else 'last driver'}: {found.driver} (session {found.session}){quiet}")
     if found.per_minute is not None:
         recent = "" if found.recent_per_minute is None else f", lately {found.recent_per_minute:.1f}"
-        told.append(f"rate: {found.per_minute:.1f} questions a minute in the latest session{recent}")
+        told.append(f"rate: {found.per_minute:.1f} {found.items} a minute in the latest session{recent}")
         if not found.complete and found.minutes_left is not None:
             told.append(f"time left at that rate: {_minutes(found.minutes_left)}")
+    told += [f"  {line}" for line in found.at_work]
     told += _spend(found)
     if found.retries:
         by_error = ", ".join(f"{error} {count}" for error, count in found.retries.items())
@@ -70,7 +71,9 @@ def lines(found: RunStatus, run: str) -> list[str]:
     for failure in found.failures[:FAILURES_SHOWN]:
         message = " ".join(failure.message.split())
         message = message if len(message) <= MESSAGE_WIDTH else message[: MESSAGE_WIDTH - 1] + "…"
-        told.append(f"  {failure.questions} failed: {failure.error}: {message} (such as question {failure.example})")
+        told.append(
+            f"  {failure.questions} failed: {failure.error}: {message} (such as {found.items[:-1]} {failure.example})"
+        )
     if len(found.failures) > FAILURES_SHOWN:
         told.append(f"  and {len(found.failures) - FAILURES_SHOWN} other reasons: status --json lists all")
     if not found.complete and not found.running:

@@ -5,18 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from pipeline.baselines.material import Material
 from pipeline.metrics.volume import Weighting
 from pipeline.query.evidence import Evidence
 from pipeline.query.stopwatch import StageTime, Stopwatch
 from pipeline.tasks import rows as tasks_rows
 from pipeline.tasks.context import SceneContext
-from pipeline.tasks.decision import Arm, Decision
-from pipeline.tasks.rows import QuestionRows, models_named, timing_rows
-from pipeline.tasks.scoring import RegionScore, score_regions, targets_of
-from schemas.answers import AnswerRow, ArmRow
+from pipeline.tasks.decision import Decision
+from pipeline.tasks.rows import Found, Grounded, QuestionRows, answer_row, arm_row, models_named, timing_rows
+from pipeline.tasks.scoring import score_regions, targets_of
 from schemas.calls import CallRow, RegionRow
 from schemas.questions import Question
 
@@ -45,19 +42,24 @@ def conclude(
     watch, arm = Stopwatch(), decision.arms[0]
     grounded = question.task != "eqa" and arm.result.status == "answered"
     with watch.stage("ground", int(grounded)):
-        score = RegionScore(None, None)
-        if grounded:
-            truth, weighting = targets_of(context, question), _weighting(config)
-            score = score_regions(context, question, material.regions, truth, weighting)
+        found = _grounded(context, question, material, config) if grounded else None
     calls = evidence.calls + decision.calls
     times = (StageTime("evidence", evidence.seconds, len(evidence.calls)), *material.times, *decision.times)
-    regions = material.regions if grounded else ()
     return QuestionRows(
-        answers=(_answer_row(question, material, arm, config.kind, _models(material, calls)),),
-        arms=(_arm_row(question, material, arm, score, config.kind, grounded),),
+        answers=(
+            answer_row(
+                question,
+                config.kind,
+                arm.result,
+                Found(material.categories, material.activated, material.objects, material.objects),
+                model=_models(material, calls),
+                frames=len(arm.pictures),
+            ),
+        ),
+        arms=(arm_row(question, config.kind, arm, tuple(material.names[p] for p in arm.pictures), found),),
         regions=tuple(
             RegionRow(question.question_id, question.scene, ARM, number, "", tuple(sorted(region.tolist())))
-            for number, region in enumerate(regions)
+            for number, region in enumerate(material.regions if grounded else ())
         ),
         calls=calls,
         timings=timing_rows(question, (*times, *watch.times())),
@@ -80,56 +82,7 @@ def _models(material: Material, calls: Sequence[CallRow]) -> str:
     return ", ".join(name for name in (models_named(calls), material.stand_in) if name)
 
 
-def _weighting(config: Any) -> Weighting:
+def _grounded(context: SceneContext, question: Question, material: Material, config: Any) -> Grounded:
     weighting: Weighting = config.weighting
-    return weighting
-
-
-def _answer_row(question: Question, material: Material, arm: Arm, method: str, model: str) -> AnswerRow:
-    return AnswerRow(
-        question_id=question.question_id,
-        scene=question.scene,
-        task=question.task,
-        category=question.category,
-        method=method,
-        question=question.question,
-        reference=question.answer,
-        evidence=material.categories,
-        activated=material.activated,
-        clusters=material.objects,
-        clusters_found=material.objects,
-        status=arm.result.status,
-        reason=arm.result.reason,
-        answer=arm.result.text,
-        arm="",
-        frames=len(arm.pictures),
-        model=model,
-    )
-
-
-def _arm_row(
-    question: Question, material: Material, arm: Arm, score: RegionScore, method: str, grounded: bool
-) -> ArmRow:
-    targets = None if question.task == "eqa" or question.target_ids is None else len(question.target_ids)
-    covered = np.unique(np.concatenate([np.empty(0, np.int32), *material.regions]))
-    return ArmRow(
-        question_id=question.question_id,
-        scene=question.scene,
-        task=question.task,
-        category=question.category,
-        method=method,
-        arm=ARM,
-        status=arm.result.status,
-        reason=arm.result.reason,
-        answer=arm.result.text,
-        views=tuple(material.names[picture] for picture in arm.pictures),
-        chosen=arm.result.chosen,
-        frames=len(arm.pictures),
-        mark=arm.mark.mark,
-        mark_reason=arm.mark.reason,
-        predicted=len(material.regions) if grounded else None,
-        targets=targets,
-        iou=score.iou,
-        region_gaussians=len(covered) if grounded else None,
-        pair_ious=score.pair_ious,
-    )
+    truth = targets_of(context, question)
+    return Grounded(material.regions, score_regions(context, question, material.regions, truth, weighting))

@@ -43,7 +43,8 @@ class ReferringSet:
             return "0 questions"
         scenes = len({question.scene for question in self.questions})
         low, high, mean = min(self.candidates), max(self.candidates), float(np.mean(self.candidates))
-        return f"{len(self.questions)} questions, {scenes} scenes, {low} to {high} candidates (mean {mean:.1f})"
+        counted = f"{_counted(len(self.questions), 'question')}, {_counted(scenes, 'scene')}"
+        return f"{counted}, {low} to {high} candidates (mean {mean:.1f})"
 
 
 def curate_referring(
@@ -137,6 +138,10 @@ def _referring(scene: str, objects: Sequence[SceneObject], count: int, rng: np.r
             target_ids=tuple(world.objects[i].instance for i in draft.targets),
             target_category=draft.about,
         )
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 def _even_shares(available: Sequence[int], count: int) -> list[int]:

@@ -284,6 +284,18 @@ def narrow(typing_context, x):
 
 
 @intrinsic
+def power_of_two(typing_context, x):
+    """Return 2 to the power of int32 lanes from -126 to 127, as float32."""
+
+    def emit(context, builder, sig, args):
+        wide = args[0].type
+        exponent = builder.add(args[0], ir.Constant(wide, [127] * LANES))
+        return builder.bitcast(builder.shl(exponent, ir.Constant(wide, [23] * LANES)), ir.VectorType(_F32, LANES))
+
+    return floats8(ints8), emit
+
+
+@intrinsic
 def truncate(typing_context, x):
     """Return float32 lanes as int32, towards zero; the lanes must fit."""
 
@@ -291,6 +303,16 @@ def truncate(typing_context, x):
         return builder.fptosi(args[0], ir.VectorType(_I32, LANES))
 
     return ints8(floats8), emit
+
+
+@intrinsic
+def to_floats(typing_context, x):
+    """Return int32 lanes as float32."""
+
+    def emit(context, builder, sig, args):
+        return builder.sitofp(args[0], ir.VectorType(_F32, LANES))
+
+    return floats8(ints8), emit
 
 
 @intrinsic

@@ -54,6 +54,8 @@ BATCH = 64
 BLOCKS = 32
 # A batch entry is a record, but that m and n at the tile's first pixel centre stand in the place of u and v.
 M_0, N_0 = U, V
+PLACE = 15
+"""Where a batch entry says how many entries after `begin` it came."""
 
 ALPHA_CAP = np.float32(0.99)
 T_MIN = np.float32(1e-4)
@@ -170,6 +172,7 @@ def fill_batch(records, entries, begin, end, corner_x, corner_y, live, batch, ro
         store(batch, e + 8, load(records, r + 8))
         put(batch, e + M_0, mu * dx + mv * dy)
         put(batch, e + N_0, nv * dy)
+        put(batch, e + PLACE, np.float32(k - begin))
         put(rows, count, np.int32(row))
         word = covered_blocks(records, r, corner_x, corner_y) & live
         put(words, count, word)

@@ -38,6 +38,23 @@ def transposed(typing_context, a, b, c, d, e, f, g, h):
 
 
 @intrinsic
+def lane_sums(typing_context, a, b, c, d, e, f, g, h):
+    """Return one vector: the sum of the lanes of `a`, that of `b`, and so on; always added in the same order."""
+
+    def emit(context, builder, sig, rows):
+        def halved(one, other, places):
+            left, right = (
+                builder.shuffle_vector(one, other, ir.Constant(ir.VectorType(_I32, LANES), half)) for half in places
+            )
+            return builder.fadd(left, right)
+
+        pairs = [halved(rows[k], rows[k + 1], _PAIRS) for k in (0, 2, 4, 6)]
+        return halved(halved(pairs[0], pairs[1], _FOURS), halved(pairs[2], pairs[3], _FOURS), _HALVES)
+
+    return a(a, a, a, a, a, a, a, a), emit
+
+
+@intrinsic
 def transpose_bits(typing_context, words, masks):
     """Write 32 uint64 to `masks`: bit k of mask b is bit b of the k-th of the 64 uint32 in `words`."""
 

@@ -28,6 +28,16 @@ class Workspace(local):
         start = -buffer.ctypes.data % _LINE
         return buffer[start : start + needed].view(dtype)
 
+    def lend(self, *names: str) -> dict[str, UInt8[np.ndarray, "bytes"]]:
+        """Hand over the memory of these arrays: views of it stay valid until it is given back."""
+        return {name: self._buffers.pop(name) for name in names if name in self._buffers}
+
+    def give_back(self, lent: dict[str, UInt8[np.ndarray, "bytes"]]) -> None:
+        """Take memory back for later arrays of the same names."""
+        for name, buffer in lent.items():
+            if name not in self._buffers or self._buffers[name].nbytes < buffer.nbytes:
+                self._buffers[name] = buffer
+
     def clear(self) -> None:
         """Give this thread's memory back."""
         self._buffers.clear()

@@ -16,6 +16,8 @@ SCENE = "scene.json"
 SEMANTICS = "semantics.parquet"
 OBJECTS = "objects.json"
 QUESTIONS = "questions.jsonl"
+BUILD = "build.json"
+"""Where a scene that was built from a capture came from; nothing reads it but `check`."""
 TRANSFORMS = "transforms.json"
 COLMAP_FOLDERS = ("sparse/0", "sparse", "colmap/sparse/0", "colmap")
 METRES = ("metres", "meters", "m")

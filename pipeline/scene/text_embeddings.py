@@ -32,6 +32,8 @@ class TextEmbeddings:
     """Category names and phrases."""
     vectors: Float[np.ndarray, "T D"]
     """One vector a name, any non-zero norm."""
+    model: str = ""
+    """Model that made them, for the record; empty where the file does not say."""
 
     def __post_init__(self) -> None:
         if len(self.names) != len(self.vectors) or len(set(self.names)) != len(self.names):
@@ -57,7 +59,7 @@ class TextEmbeddings:
 
 
 def read_text_embeddings(uri: str) -> TextEmbeddings:
-    """Return the embeddings in an NPZ file with `names` (T,) and `vectors` (T, D).
+    """Return the embeddings in an NPZ file with `names` (T,), `vectors` (T, D), and `model`, a text, where known.
 
     Raises:
         InputError: The file is no such NPZ, or its content is not usable. Pickled objects are refused.
@@ -67,13 +69,14 @@ def read_text_embeddings(uri: str) -> TextEmbeddings:
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
             names, vectors = arrays["names"], arrays["vectors"]
+            model = str(arrays["model"]) if "model" in arrays.files else ""
     except (KeyError, ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
         raise InputError(uri, expected="an NPZ file with `names` and `vectors`", found=str(error)) from error
     if names.dtype.kind != "U" or names.ndim != 1 or vectors.dtype.kind != "f" or vectors.ndim != 2:
         found = f"names {names.dtype} {names.shape}, vectors {vectors.dtype} {vectors.shape}"
         raise InputError(uri, expected="names as T texts and vectors as T x D floats", found=found)
     try:
-        return TextEmbeddings(tuple(names.tolist()), vectors.astype(np.float32))
+        return TextEmbeddings(tuple(names.tolist()), vectors.astype(np.float32), model)
     except InputError as error:
         raise InputError(uri, field=error.field, expected=error.expected, found=error.found) from error
 
@@ -81,5 +84,5 @@ def read_text_embeddings(uri: str) -> TextEmbeddings:
 def text_embeddings_npz(embeddings: TextEmbeddings) -> bytes:
     """Return the content of a `text_embeddings.npz`."""
     stream = io.BytesIO()
-    np.savez(stream, names=np.array(embeddings.names), vectors=embeddings.vectors)
+    np.savez(stream, names=np.array(embeddings.names), vectors=embeddings.vectors, model=np.array(embeddings.model))
     return stream.getvalue()

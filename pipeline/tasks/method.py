@@ -11,10 +11,11 @@ from pipeline.config import MethodConfig
 from pipeline.models.caller import Caller
 from pipeline.query import evidence as evidence_stage
 from pipeline.query.evidence import Evidence
+from pipeline.tasks.conclude import conclude
 from pipeline.tasks.context import SceneContext, scene_vocabulary
 from pipeline.tasks.decision import Decision, decide
 from pipeline.tasks.proposal import Proposal, propose
-from pipeline.tasks.rows import QuestionRows, conclude, failed_rows
+from pipeline.tasks.rows import QuestionRows, failed_rows
 from schemas.questions import Question
 
 __all__ = [
@@ -23,7 +24,6 @@ __all__ = [
     "Proposal",
     "QuestionRows",
     "SceneContext",
-    "answer_question",
     "conclude",
     "decide",
     "failed_rows",
@@ -49,25 +49,3 @@ async def find_evidence(
         StopError: No call can succeed.
     """
     return await evidence_stage.find_evidence(question, vocabulary, caller, config.evidence)
-
-
-async def answer_question(
-    context: SceneContext, question: Question, caller: Caller, config: MethodConfig
-) -> QuestionRows:
-    """Return the rows of one question, all steps in this process.
-
-    Args:
-        context: The scene's caches.
-        question: The query.
-        caller: Sends the calls.
-        config: The method's.
-
-    Raises:
-        RetryError: An endpoint failed for a reason that may pass.
-        StopError: No call can succeed.
-        InputError: The scene lacks what the method needs.
-    """
-    evidence = await find_evidence(question, context.vocabulary, caller, config)
-    proposal = propose(context, question, evidence, config)
-    decision = await decide(question, proposal, caller, config)
-    return conclude(context, question, evidence, proposal, decision, config)

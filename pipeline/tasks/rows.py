@@ -1,21 +1,19 @@
-"""Grounding, scores and the rows of every table, from a question's proposal and decision. CPU only."""
+"""Rows of a question that every method fills in the same way, from its answer, arms and stages."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Int32
 
-from pipeline.config import MethodConfig
-from pipeline.query.evidence import Evidence
-from pipeline.query.stopwatch import StageTime, Stopwatch
-from pipeline.tasks.context import SceneContext
-from pipeline.tasks.decision import ARMS, Arm, Decision
-from pipeline.tasks.grounding import Grounder, Instance, ShownView, standing_for
-from pipeline.tasks.proposal import Proposal
-from pipeline.tasks.scoring import score_regions, targets_of
+from pipeline.query.savings import Saved
+from pipeline.query.stopwatch import StageTime
+from pipeline.tasks.decision import ARMS, Arm
+from pipeline.tasks.marks import Mark
+from pipeline.tasks.scoring import RegionScore
+from pipeline.tasks.task_answer import TaskAnswer
 from schemas.answers import AnswerRow, ArmRow
 from schemas.calls import CallRow, RegionRow, TimingRow
 from schemas.clusterings import ClusteringRow
@@ -49,84 +47,120 @@ class QuestionRows:
 
 
 @dataclass(frozen=True, slots=True)
-class _Grounded:
+class Found:
+    """What a question's answer was found in."""
+
+    evidence: tuple[str, ...] = ()
+    """Evidence categories, most useful first."""
+    activated: int = 0
+    """Gaussians that take part."""
+    clusters: int = 0
+    """Clusters or objects kept."""
+    clusters_found: int = 0
+    """Those before a cap."""
+
+
+@dataclass(frozen=True, slots=True)
+class Grounded:
     """Regions of one arm and their score."""
 
-    instances: tuple[Instance, ...]
-    predicted: int | None
-    targets: int | None
-    iou: float | None
-    pair_ious: tuple[float, ...] | None = None
+    regions: tuple[Int32[np.ndarray, "_"], ...]
+    """Gaussians of each predicted instance."""
+    score: RegionScore
+    """How well they fit the targets."""
     rule: str = ""
-
-    @property
-    def size(self) -> int | None:
-        if self.predicted is None:
-            return None
-        return len(np.unique(np.concatenate([np.empty(0, np.int32), *(found.gaussians for found in self.instances)])))
+    """Name of the rule that cut them; empty where none did."""
 
 
-_NOT_GROUNDED = _Grounded((), None, None, None)
-
-
-def conclude(
-    context: SceneContext,
+def answer_row(
     question: Question,
-    evidence: Evidence,
-    proposal: Proposal,
-    decision: Decision,
-    config: MethodConfig,
-) -> QuestionRows:
-    """Return all rows of a question.
-
-    Ground-truth instances are read here, for the IoU and for the quality of clusters, and nowhere before.
+    method: str,
+    result: TaskAnswer,
+    found: Found,
+    *,
+    model: str,
+    frames: int = 0,
+    arm: str = "",
+    saved: Sequence[Saved] = (),
+) -> AnswerRow:
+    """Return the row of table `answers`.
 
     Args:
-        context: The scene's caches.
         question: The query.
-        evidence: Its categories.
-        proposal: Its candidate views.
-        decision: What the models said.
-        config: The method's.
+        method: Who answered.
+        result: How it ended.
+        found: What it was found in.
+        model: Who was asked, from `models_named`.
+        frames: Views given to the model.
+        arm: What verification chose.
+        saved: Calls not made.
     """
-    watch = Stopwatch()
-    grounds = question.task != "eqa"
-    with watch.stage("ground", len(decision.arms) if grounds else 0):
-        truth = targets_of(context, question) if grounds else None
-        grounder = Grounder(context, proposal.activated, [group.ids for group in proposal.seen], config)
-        grounded = [
-            _ground(context, question, proposal, arm, decision.choices, grounder, truth, config)
-            if grounds
-            else _NOT_GROUNDED
-            for arm in decision.arms
-        ]
-    with watch.stage("cluster_quality", len(proposal.categories)):
-        clusterings = _clustering_rows(context, question, evidence, config)
-    calls = evidence.calls + decision.calls
-    times = (StageTime("evidence", evidence.seconds, len(evidence.calls)), *proposal.times, *decision.times)
-    return QuestionRows(
-        answers=(_answer_row(question, proposal, decision, calls),),
-        arms=tuple(
-            _arm_row(question, proposal, arm, result) for arm, result in zip(decision.arms, grounded, strict=True)
-        ),
-        clusterings=clusterings,
-        clusters=_cluster_rows(question, proposal, decision),
-        candidates=_candidate_rows(question, proposal, decision),
-        regions=tuple(
-            RegionRow(
-                question.question_id,
-                question.scene,
-                arm.name,
-                number,
-                instance.view,
-                tuple(instance.gaussians.tolist()),
-                result.rule,
-            )
-            for arm, result in zip(decision.arms, grounded, strict=True)
-            for number, instance in enumerate(result.instances)
-        ),
-        calls=calls,
-        timings=timing_rows(question, (*times, *watch.times())),
+    return AnswerRow(
+        question_id=question.question_id,
+        scene=question.scene,
+        task=question.task,
+        category=question.category,
+        method=method,
+        question=question.question,
+        reference=question.answer,
+        evidence=found.evidence,
+        activated=found.activated,
+        clusters=found.clusters,
+        clusters_found=found.clusters_found,
+        status=result.status,
+        reason=result.reason,
+        answer=result.text,
+        arm=arm,
+        frames=frames,
+        model=model,
+        calls_saved=sum(entry.calls for entry in saved),
+        saved=tuple(str(entry) for entry in saved),
+    )
+
+
+def arm_row(
+    question: Question, method: str, arm: Arm, views: tuple[str, ...] = (), grounded: Grounded | None = None
+) -> ArmRow:
+    """Return an arm's row of table `arms`.
+
+    Args:
+        question: The query.
+        method: Who answered.
+        arm: How the arm answered.
+        views: Candidate ids of the views given to the model, in image order.
+        grounded: Its regions; None where it grounds nothing or did not answer.
+    """
+    targets = None if question.task == "eqa" or question.target_ids is None else len(question.target_ids)
+    row = ArmRow(
+        question_id=question.question_id,
+        scene=question.scene,
+        task=question.task,
+        category=question.category,
+        method=method,
+        arm=arm.name,
+        status=arm.result.status,
+        reason=arm.result.reason,
+        answer=arm.result.text,
+        views=views,
+        chosen=arm.result.chosen,
+        frames=len(views),
+        mark=arm.mark.mark,
+        mark_reason=arm.mark.reason,
+        predicted=None,
+        targets=targets,
+        iou=None,
+        region_gaussians=None,
+    )
+    if grounded is None:
+        return row
+    covered = np.unique(np.concatenate([np.empty(0, np.int32), *grounded.regions]))
+    return replace(
+        row,
+        predicted=len(grounded.regions),
+        iou=grounded.score.iou,
+        region_gaussians=len(covered),
+        pair_ious=grounded.score.pair_ious,
+        region=grounded.rule,
     )
 
 
@@ -148,206 +182,11 @@ def failed_rows(
         arms: Its arms.
     """
     reason = f"{type(error).__name__}: {error}"
-    targets = None if question.target_ids is None or question.task == "eqa" else len(question.target_ids)
-    answer = AnswerRow(
-        question_id=question.question_id,
-        scene=question.scene,
-        task=question.task,
-        category=question.category,
-        method=method,
-        question=question.question,
-        reference=question.answer,
-        evidence=(),
-        activated=0,
-        clusters=0,
-        clusters_found=0,
-        status="failed",
-        reason=reason,
-        answer="",
-        arm="",
-        frames=0,
-        model=models_named(calls),
-    )
-    rows = tuple(
-        ArmRow(
-            question_id=question.question_id,
-            scene=question.scene,
-            task=question.task,
-            category=question.category,
-            method=method,
-            arm=name,
-            status="failed",
-            reason=reason,
-            answer="",
-            views=(),
-            chosen=(),
-            frames=0,
-            mark=None,
-            mark_reason=f"failed: {reason}",
-            predicted=None,
-            targets=targets,
-            iou=None,
-            region_gaussians=None,
-        )
-        for name in arms
-    )
-    return QuestionRows((answer,), rows, calls=calls)
-
-
-def _ground(
-    context: SceneContext,
-    question: Question,
-    proposal: Proposal,
-    arm: Arm,
-    choices: Sequence[int | None],
-    grounder: Grounder,
-    truth: tuple[Int32[np.ndarray, "_"], ...] | None,
-    config: MethodConfig,
-) -> _Grounded:
-    """Cut the arm's regions out of G_act and score them; an arm that did not answer is not scored."""
-    targets = None if question.target_ids is None else len(question.target_ids)
-    if arm.result.status != "answered":
-        return _Grounded((), None, targets, None)
-    groups = proposal.seen
-    owned = standing_for([[c.picture for c in group.candidates] for group in groups], choices, arm.pictures)
-    shown = []
-    for picture in (arm.pictures[position] for position in arm.result.chosen):
-        candidate = proposal.candidate_of(picture)
-        shown.append(ShownView(candidate.id, candidate.camera, owned[picture]))
-    instances = grounder.instances(shown, config.grounding)
-    regions = [instance.gaussians for instance in instances]
-    score = score_regions(context, question, regions, truth, config.grounding.weighting)
-    return _Grounded(instances, len(instances), targets, score.iou, score.pair_ious, config.grounding.region)
-
-
-def _answer_row(question: Question, proposal: Proposal, decision: Decision, calls: Sequence[CallRow]) -> AnswerRow:
-    final = decision.arms[-1]
-    return AnswerRow(
-        question_id=question.question_id,
-        scene=question.scene,
-        task=question.task,
-        category=question.category,
-        method=METHOD,
-        question=question.question,
-        reference=question.answer,
-        evidence=proposal.categories,
-        activated=len(proposal.activated),
-        clusters=len(proposal.seen),
-        clusters_found=proposal.clusters_found,
-        status=final.result.status,
-        reason=final.result.reason,
-        answer=final.result.text,
-        arm=decision.stands,
-        frames=len(final.pictures),
-        model=models_named(calls),
-        calls_saved=sum(saved.calls for saved in decision.saved),
-        saved=tuple(str(saved) for saved in decision.saved),
-    )
-
-
-def _arm_row(question: Question, proposal: Proposal, arm: Arm, grounded: _Grounded) -> ArmRow:
-    return ArmRow(
-        question_id=question.question_id,
-        scene=question.scene,
-        task=question.task,
-        category=question.category,
-        method=METHOD,
-        arm=arm.name,
-        status=arm.result.status,
-        reason=arm.result.reason,
-        answer=arm.result.text,
-        views=tuple(proposal.candidate_of(picture).id for picture in arm.pictures),
-        chosen=arm.result.chosen,
-        frames=len(arm.pictures),
-        mark=arm.mark.mark,
-        mark_reason=arm.mark.reason,
-        predicted=grounded.predicted,
-        targets=grounded.targets,
-        iou=grounded.iou,
-        region_gaussians=grounded.size,
-        pair_ious=grounded.pair_ious,
-        region=grounded.rule,
-    )
-
-
-def _clustering_rows(
-    context: SceneContext, question: Question, evidence: Evidence, config: MethodConfig
-) -> tuple[ClusteringRow, ...]:
-    """One row for each category that was clustered; a question without evidence clustered nothing."""
-    rows = []
-    for category in evidence.categories if evidence.status == "answered" else ():
-        measured, clusters = context.measured_clusters(category, config), context.clusters(category, config)
-        activated, quality = len(context.activation(category, config.activation).ids), measured.quality
-        truth = quality.ari is not None
-        rows.append(
-            ClusteringRow(
-                question_id=question.question_id,
-                scene=question.scene,
-                category=category,
-                activated=activated,
-                epsilon_m=measured.epsilon_m,
-                clusters=len(clusters),
-                dropped=activated - sum(map(len, clusters)),
-                known=quality.points,
-                instances=quality.instances if truth else None,
-                ari=quality.ari,
-                over_split=quality.over_split if truth else None,
-                under_split=quality.under_split if truth else None,
-                matched=quality.matched if truth else None,
-            )
-        )
-    return tuple(rows)
-
-
-def _cluster_rows(question: Question, proposal: Proposal, decision: Decision) -> tuple[ClusterRow, ...]:
-    choices = dict(zip((group.cluster for group in proposal.seen), decision.choices, strict=False))
-    rows = []
-    for group in proposal.groups:
-        choice = choices.get(group.cluster)
-        rows.append(
-            ClusterRow(
-                question_id=question.question_id,
-                scene=question.scene,
-                cluster=group.cluster,
-                category=group.category,
-                gaussians=group.size,
-                centre=group.centre,
-                initial_view=group.initial_view,
-                visibility=group.visibility,
-                visible=group.visible,
-                final="" if choice is None else group.candidates[choice].id,
-            )
-        )
-    return tuple(rows)
-
-
-def _candidate_rows(question: Question, proposal: Proposal, decision: Decision) -> tuple[CandidateRow, ...]:
-    choices = dict(zip((group.cluster for group in proposal.seen), decision.choices, strict=False))
-    answers = dict(enumerate(decision.view_answers))
-    return tuple(
-        CandidateRow(
-            question_id=question.question_id,
-            scene=question.scene,
-            cluster=group.cluster,
-            candidate=candidate.id,
-            move=candidate.move,
-            world_to_camera=tuple(candidate.camera.world_to_camera.ravel().tolist()),
-            requested_m=candidate.requested_m,
-            moved_m=candidate.moved_m,
-            visibility=candidate.quality.visibility,
-            area=candidate.quality.area,
-            centring=candidate.quality.centring,
-            truncation=candidate.quality.truncation,
-            touches_border=candidate.quality.touches_border,
-            new_gaussians=candidate.quality.new_gaussians,
-            unobserved=candidate.quality.unobserved,
-            floaters=candidate.quality.floaters,
-            source=candidate.source,
-            answer=answers.get(candidate.picture),
-            chosen=choices.get(group.cluster) == position,
-        )
-        for group in proposal.seen
-        for position, candidate in enumerate(group.candidates)
+    result, mark = TaskAnswer("failed", reason, "", ()), Mark(None, f"failed: {reason}")
+    return QuestionRows(
+        (answer_row(question, method, result, Found(), model=models_named(calls)),),
+        tuple(arm_row(question, method, Arm(name, result, (), mark)) for name in arms),
+        calls=calls,
     )
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,7 +12,9 @@ from typing import Any
 import pytest
 
 from jobs.config import JobConfig
-from schemas.question_file import save_questions
+from pipeline.scene.load import load_objects
+from schemas.question_file import load_questions, save_questions
+from tests.conftest import ROOT
 from tests.jobs.chaos.measured import measured as measured
 from tests.workers.fake_steps import MARKS, unit
 
@@ -21,6 +25,9 @@ CAMERAS: dict[str, Any] = {
 """A transforms.json with one view."""
 
 MakeJob = Callable[..., JobConfig]
+
+EVERY_NTH = 12
+"""Questions of the apartment that are kept: some of every task, few enough for seconds."""
 
 
 @pytest.fixture
@@ -51,3 +58,19 @@ def make_job(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> MakeJob:
         return JobConfig.model_validate({**values, "workers": workers, **changes})
 
     return make
+
+
+@pytest.fixture(scope="session")
+def apartment(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A small generated apartment with few questions; tests leave it as it is."""
+    folder = tmp_path_factory.mktemp("scenes") / "flat"
+    # In a process of its own, as a person would: generating is slow under the shape checks of the tests.
+    code = "import sys; from jobs.cli import main; main()"
+    options = ["--procedural", "5", "--output", str(folder), "--gaussians", "12000", "--rooms", "2", "--views", "20"]
+    command = [sys.executable, "-c", code, "build", *options]
+    built = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert built.returncode == 0, built.stderr
+    questions = load_questions(folder / "questions.jsonl")
+    assert f"20 views, {len(load_objects(str(folder)))} objects, {len(questions)} questions" in built.stdout
+    save_questions(questions[::EVERY_NTH], folder / "questions.jsonl")
+    return str(folder)

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pydantic import BaseModel
 
-from jobs.config import JobConfig
 from jobs.results import RESULTS
 from schemas.manifest import committed_units
 from tests.conftest import ROOT
@@ -26,17 +26,21 @@ HEAD, NODE = "gcs_server", "raylet"
 """Ray's processes that hold the cluster's state and a node's workers."""
 
 
-def start_driver(verb: str, argument: object, **environment: str) -> subprocess.Popen[bytes]:
+def start_driver(
+    verb: str, argument: object, module: str = "tests.jobs.run_fake", **environment: str
+) -> subprocess.Popen[bytes]:
     """Start `submit JOB.json` or `resume RUN` with the fake steps; `environment` is added to this process's."""
-    command = [sys.executable, "-m", "tests.jobs.run_fake", verb, str(argument)]
+    command = [sys.executable, "-m", module, verb, str(argument)]
     told = {**os.environ, **environment}
     return subprocess.Popen(command, cwd=ROOT, env=told, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
 
 
 @contextmanager
-def driver(verb: str, argument: object, **environment: str) -> Iterator[subprocess.Popen[bytes]]:
+def driver(
+    verb: str, argument: object, module: str = "tests.jobs.run_fake", **environment: str
+) -> Iterator[subprocess.Popen[bytes]]:
     """A driver that is gone after the block, whatever happened to it."""
-    process = start_driver(verb, argument, **environment)
+    process = start_driver(verb, argument, module, **environment)
     try:
         yield process
     finally:
@@ -46,9 +50,9 @@ def driver(verb: str, argument: object, **environment: str) -> Iterator[subproce
         process.stderr.close()
 
 
-def job_file(job: JobConfig, folder: Path) -> Path:
-    """Write a job where a driver reads it."""
-    path = folder / f"{Path(job.output).name}.job.json"
+def job_file(job: BaseModel, folder: Path) -> Path:
+    """Write a job, of questions or of captures, where a driver reads it."""
+    path = folder / f"{Path(job.model_dump()['output']).name}.job.json"
     path.write_text(job.model_dump_json())
     return path
 

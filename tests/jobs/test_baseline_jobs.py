@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from jobs.config import JobConfig, checked_job, load_job
@@ -12,10 +14,12 @@ from jobs.plan import plan_units
 from jobs.submit import submit
 from pipeline.config import MethodConfig
 from pipeline.scene.save import save_scene
+from pipeline.scene.text_embeddings import TextEmbeddings, text_embeddings_npz
 from schemas.errors import InputError
 from schemas.question_file import save_questions
 from schemas.questions import Question
 from schemas.run_folder import read_table
+from schemas.semantics_table import SemanticsTable, write_semantics
 from tests.query.tiny import tiny_scene
 
 KINDS = (
@@ -89,12 +93,65 @@ def test_a_job_of_a_baseline_writes_its_rows_and_no_index(tmp_path: Path) -> Non
 
 
 def test_a_question_that_fails_has_rows_of_its_kind(tmp_path: Path) -> None:
-    run = submit(_job(tmp_path, {"kind": "sentence_field"})).run
+    np.savez(tmp_path / "scores.npz", scores=np.zeros((1, len(tiny_scene().gaussians)), np.float32), names=["other"])
+    run = submit(_job(tmp_path, {"kind": "scores_field", "file": str(tmp_path / "scores.npz")})).run
     answers = read_table(run, "answers").set_index("question_id")
     assert answers.loc["q1", "status"] == "failed"
-    assert "text_embeddings.npz" in answers.loc["q1", "reason"]
-    assert answers["method"].unique().tolist() == ["sentence_field"]
+    assert "the id or text of question 'q1'" in answers.loc["q1", "reason"]
+    assert answers["method"].unique().tolist() == ["scores_field"]
     assert read_table(run, "arms")["arm"].unique().tolist() == ["final"]
+
+
+PHRASES = ("object", "things", "stuff", "texture")
+
+
+def _give(folder: Path, *, size: int | None = None, names: tuple[str, ...] = (), texts: int = 0) -> None:
+    """Put embeddings of some size and a text_embeddings.npz into a scene's folder."""
+    scene = tiny_scene()
+    if size is not None:
+        features = np.ones((len(scene.gaussians), size), np.float32)
+        write_semantics(SemanticsTable(scene.semantics.vocabulary, None, features), folder / "semantics.parquet")
+    if names:
+        vectors = TextEmbeddings(names, np.ones((len(names), texts), np.float32))
+        (folder / "text_embeddings.npz").write_bytes(text_embeddings_npz(vectors))
+
+
+@pytest.mark.parametrize(
+    ("given", "method", "message"),
+    [
+        (
+            {},
+            {},
+            r"semantics.parquet: expected column embedding, .* sentence_field .*, found columns category_id,.*_id$",
+        ),
+        ({"size": 3}, {}, r"text_embeddings.npz: expected the embeddings of .* sentence_field.*, found no such file$"),
+        ({"size": 3, "names": PHRASES, "texts": 4}, {}, r"npz: vectors: expected size 3, .*scenes/tiny, found 4$"),
+        (
+            {"size": 3, "names": PHRASES[:3], "texts": 3},
+            {},
+            r"npz: names: expected the canonical .*, found no texture$",
+        ),
+        ({"size": 3}, {"features": "symbolic"}, r"semantics.parquet: expected column category_id, .*found columns emb"),
+        ({}, {"kind": "splatreasoner", "activation": {"by": "cosine"}}, r"column embedding, .* method splatreasoner "),
+    ],
+)
+def test_a_scene_without_what_the_method_searches_is_refused_before_anything_runs(
+    tmp_path: Path, given: dict[str, Any], method: dict[str, Any], message: str
+) -> None:
+    job = _job(tmp_path, {"kind": "sentence_field", **method})
+    _give(Path(job.scenes[0]), **given)
+    with pytest.raises(InputError, match=message) as refused:
+        plan_units(job)
+    assert job.scenes[0] in str(refused.value)
+    assert not Path(job.output).exists()
+
+
+def test_a_scene_with_features_is_planned_and_one_without_questions_of_the_method_too(tmp_path: Path) -> None:
+    job = _job(tmp_path, {"kind": "sentence_field"})
+    eqa = job.model_copy(update={"tasks": ("eqa",)})
+    assert list(plan_units(eqa))
+    _give(Path(job.scenes[0]), size=3, names=PHRASES, texts=3)
+    assert list(plan_units(job))
 
 
 def test_a_plan_counts_descriptions_once_a_scene(tmp_path: Path) -> None:

@@ -1,10 +1,12 @@
 from __future__ import annotations
 
+import io
 import json
 import resource
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import pytest
@@ -22,6 +24,18 @@ HELP_S = 0.4
 
 
 def run(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    """The command line in this process: what it imports is imported once for all."""
+    out, err = io.StringIO(), io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
+        patch.chdir(ROOT)
+        patch.setattr(sys, "argv", ["splatreasoner", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+    return subprocess.CompletedProcess(arguments, int(ended.value.code or 0), out.getvalue(), err.getvalue())
+
+
+def run_alone(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    """The command line as a person starts it."""
     code = "import sys; from jobs.cli import main; sys.argv[0] = 'splatreasoner'; main()"
     command = [sys.executable, "-c", code, *map(str, arguments)]
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
@@ -42,7 +56,7 @@ def test_help_of_every_verb_shows_an_example(verb: str) -> None:
 
 def test_help_is_instant_and_names_every_verb() -> None:
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    found = run("--help")
+    found = run_alone("--help")
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < HELP_S
     assert all(verb in found.stdout for verb in VERBS)
@@ -62,13 +76,23 @@ def test_wrong_usage_exits_2(arguments: tuple[str, ...]) -> None:
         (("aggregate", "none"), "error: none: expected a run folder with run.json, found none"),
         (("report", "none"), "error: none: expected a run folder with run.json, found none"),
         (("render", "none", "--output", "x"), "error: none: expected a scene folder, found nothing there"),
-        (("build", "--output", "x"), "error: build: expected one of --scannet-mesh and --procedural, found both or"),
+        (
+            ("build", "--output", "x"),
+            "error: build: expected one of --capture, --job, --scannet-mesh, --procedural, found",
+        ),
     ],
 )
 def test_bad_input_is_one_line_without_a_traceback_and_exits_2(arguments: tuple[str, ...], message: str) -> None:
     found = run(*arguments)
     assert found.returncode == 2
     assert one_line(found.stderr).startswith(message)
+
+
+def test_codes_and_lines_are_those_of_a_process(tmp_path: Path) -> None:
+    for arguments in (("submit", "none.yaml"), ("check", str(tmp_path))):
+        here, alone = run(*arguments), run_alone(*arguments)
+        assert (here.returncode, here.stdout, here.stderr) == (alone.returncode, alone.stdout, alone.stderr)
+        assert here.returncode == 2
 
 
 def test_check_exits_2_when_a_scene_cannot_be_used(tmp_path: Path) -> None:
@@ -135,26 +159,8 @@ def test_report_writes_a_page(finished: JobConfig) -> None:
     assert Path(one_line(found.stdout)).read_text().startswith("<!doctype html>".upper()[:2])
 
 
-Here = Callable[..., subprocess.CompletedProcess[str]]
-
-
-@pytest.fixture
-def here(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Here:
-    """The command line in this process: pandas is imported once for all."""
-
-    def call(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-        capsys.readouterr()
-        monkeypatch.setattr(sys, "argv", ["splatreasoner", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        told = capsys.readouterr()
-        return subprocess.CompletedProcess(arguments, int(ended.value.code or 0), told.out, told.err)
-
-    return call
-
-
-def test_aggregate_by_prints_one_table_in_the_format_asked_for(finished: JobConfig, here: Here) -> None:
-    found = here("aggregate", finished.output, "--by", "scene")
+def test_aggregate_by_prints_one_table_in_the_format_asked_for(finished: JobConfig) -> None:
+    found = run("aggregate", finished.output, "--by", "scene")
     assert found.returncode == 0, found.stderr
     header, first, *_ = found.stdout.splitlines()
     assert header.split() == [
@@ -162,37 +168,37 @@ def test_aggregate_by_prints_one_table_in_the_format_asked_for(finished: JobConf
         *("answered", "unparsed", "failed", "skipped", "pending"),
     ]
     assert first.split()[-7:] == ["3", "4", "3", "0", "1", "0", "0"]
-    assert here("aggregate", finished.output, "--csv").stdout.startswith("method,task,arm,metric,mean,")
-    assert json.loads(here("aggregate", finished.output, "--json").stdout)["planned"] == 4
-    assert r"\begin{tabular}" in here("aggregate", finished.output, "--latex").stdout
+    assert run("aggregate", finished.output, "--csv").stdout.startswith("method,task,arm,metric,mean,")
+    assert json.loads(run("aggregate", finished.output, "--json").stdout)["planned"] == 4
+    assert r"\begin{tabular}" in run("aggregate", finished.output, "--latex").stdout
 
 
-def test_retry_makes_questions_pending_and_status_and_aggregate_say_so(finished: JobConfig, here: Here) -> None:
-    found = here("retry", finished.output, "--error", "QuestionError")
+def test_retry_makes_questions_pending_and_status_and_aggregate_say_so(finished: JobConfig) -> None:
+    found = run("retry", finished.output, "--error", "QuestionError")
     assert found.returncode == 0, found.stderr
     assert "1 questions are pending again, in 1 units" in found.stdout
-    assert json.loads(here("status", finished.output, "--json").stdout)["questions_done"] == 1
+    assert json.loads(run("status", finished.output, "--json").stdout)["questions_done"] == 1
     for arguments in ((), ("--by", "task")):
-        told = here("aggregate", finished.output, *arguments)
+        told = run("aggregate", finished.output, *arguments)
         assert told.stdout.startswith("INCOMPLETE: 1 of 4 questions are committed"), told.stderr
-    piped = here("aggregate", finished.output, "--csv")
+    piped = run("aggregate", finished.output, "--csv")
     assert piped.stdout.startswith("method,")
     assert piped.stderr.startswith("INCOMPLETE")
-    nothing = here("retry", finished.output, "--status", "unparsed")
+    nothing = run("retry", finished.output, "--status", "unparsed")
     assert (nothing.returncode, "nothing to do again" in nothing.stdout) == (0, True)
 
 
-def test_compare_prints_scores_and_changed_questions(finished: JobConfig, here: Here) -> None:
-    found = here("compare", finished.output, finished.output, "--arm", "initial:final", "--questions")
+def test_compare_prints_scores_and_changed_questions(finished: JobConfig) -> None:
+    found = run("compare", finished.output, finished.output, "--arm", "initial:final", "--questions")
     assert found.returncode == 0, found.stderr
     assert "initial of A, final of B" in found.stdout
     assert "configuration: no difference" in found.stdout
     assert "0 of 4 answers, scores or statuses changed" in found.stdout
-    assert json.loads(here("compare", finished.output, finished.output, "--json").stdout)["warnings"] == []
+    assert json.loads(run("compare", finished.output, finished.output, "--json").stdout)["warnings"] == []
 
 
-def test_export_says_what_has_no_answer(finished: JobConfig, here: Here, tmp_path: Path) -> None:
-    found = here("export", finished.output, "--output", tmp_path / "r.json")
+def test_export_says_what_has_no_answer(finished: JobConfig, tmp_path: Path) -> None:
+    found = run("export", finished.output, "--output", tmp_path / "r.json")
     assert found.returncode == 0, found.stderr
     assert "3 of 4 questions answered" in found.stdout
     assert "which OpenEQA's tool scores 0" in found.stdout
@@ -210,7 +216,7 @@ def test_export_says_what_has_no_answer(finished: JobConfig, here: Here, tmp_pat
         (("aggregate", "none", "--csv", "--json"), "error: aggregate: expected one of --csv, --json and --latex"),
     ],
 )
-def test_result_verbs_refuse_bad_input_in_one_line(arguments: tuple[str, ...], message: str, here: Here) -> None:
-    found = here(*arguments)
+def test_result_verbs_refuse_bad_input_in_one_line(arguments: tuple[str, ...], message: str) -> None:
+    found = run(*arguments)
     assert found.returncode == 2
     assert one_line(found.stderr).startswith(message)

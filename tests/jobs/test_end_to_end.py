@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -15,30 +13,10 @@ from jobs.progress import Silent
 from jobs.results import RESULTS
 from jobs.submit import resume, submit
 from pipeline.scene.check import check_scene
-from pipeline.scene.load import load_objects
 from schemas.manifest import committed_units, manifest_uri
-from schemas.question_file import load_questions, save_questions
+from schemas.question_file import load_questions
 from schemas.run_folder import image_name, read_table
 from schemas.tables import TABLES
-from tests.conftest import ROOT
-
-EVERY_NTH = 12
-"""Questions kept: some of every task, few enough for seconds."""
-
-
-@pytest.fixture(scope="module")
-def apartment(tmp_path_factory: pytest.TempPathFactory) -> str:
-    folder = tmp_path_factory.mktemp("scenes") / "flat"
-    # In a process of its own, as a person would: generating is slow under the shape checks of the tests.
-    code = "import sys; from jobs.cli import main; main()"
-    options = ["--procedural", "5", "--output", str(folder), "--gaussians", "12000", "--rooms", "2", "--views", "20"]
-    command = [sys.executable, "-c", code, "build", *options]
-    built = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert built.returncode == 0, built.stderr
-    questions = load_questions(folder / "questions.jsonl")
-    assert f"20 views, {len(load_objects(str(folder)))} objects, {len(questions)} questions" in built.stdout
-    save_questions(questions[::EVERY_NTH], folder / "questions.jsonl")
-    return str(folder)
 
 
 def job(scene: str, output: Path, **workers: Any) -> JobConfig:

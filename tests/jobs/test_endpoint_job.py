@@ -18,7 +18,6 @@ from jobs.submit import resume, submit
 from schemas.manifest import committed_units, manifest_uri
 from schemas.question_file import load_questions, save_questions
 from schemas.run_folder import read_table
-from tests.jobs.test_end_to_end import apartment as apartment
 
 KEY = "sk-never-to-be-written-0000"
 

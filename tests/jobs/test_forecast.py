@@ -17,7 +17,6 @@ from jobs.verbs.plan import plan
 from schemas.question_file import load_questions, save_questions
 from schemas.run_folder import read_table
 from tests.jobs.metered_server import METERED_STEPS, MeteredServer, metered_endpoint
-from tests.jobs.test_end_to_end import apartment as apartment
 
 SHARE = 0.15
 """What the forecast may be off by."""

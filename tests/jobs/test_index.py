@@ -24,6 +24,7 @@ from schemas.question_file import save_questions
 from schemas.questions import Question
 from schemas.run_folder import read_table
 from tests.conftest import ROOT
+from tests.jobs.test_cli import run as command_line
 from tests.query.tiny import tiny_scene
 
 CONFIG = VisibilityConfig()
@@ -118,13 +119,7 @@ def test_scene_whose_gaussians_changed_finds_no_stale_row(scene: Path, tmp_path:
 
 
 def test_index_verb_says_seconds_and_bytes_and_a_job_then_renders_nothing(scene: Path, tmp_path: Path) -> None:
-    command = [sys.executable, "-c", "from jobs.cli import main; main()", "index", str(scene), "--threads", "2"]
-    told = [
-        subprocess.run(
-            [*command, "--output", str(tmp_path / "v")], cwd=ROOT, capture_output=True, text=True, check=True
-        )
-        for _ in range(2)
-    ]
+    told = [command_line("index", scene, "--threads", "2", "--output", tmp_path / "v") for _ in range(2)]
     assert "6 views, 0 were stored, 6 rendered" in told[0].stdout
     assert "s a view" in told[0].stdout
     assert "kB a view" in told[0].stdout

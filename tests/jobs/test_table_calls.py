@@ -13,7 +13,6 @@ from jobs.table_run import run_table
 from jobs.table_scores import table_cells
 from schemas.question_file import load_questions, save_questions
 from schemas.run_folder import read_table
-from tests.jobs.test_end_to_end import apartment as apartment
 from tests.jobs.test_endpoint_job import server as server
 
 

@@ -109,7 +109,7 @@ def test_rows_that_do_not_fit_the_plan_are_found(run: str) -> None:
     commit_unit(run, second, {"answers": [rows[3], rows[3]]})
     commit_unit(run, "f" * 32, {"answers": rows[:1]})
     problems = "\n".join(verify_run(run).problems)
-    assert f"unit {first}: question_id: expected one answer to each of 3 questions" in problems
+    assert f"unit {first}: question_id: expected one row for each of 3 planned" in problems
     assert f"unit {second}: method, question_id: expected each once" in problems
     assert f"manifests/{'f' * 32}.json: expected a unit of the plan" in problems
 

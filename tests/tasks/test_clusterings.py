@@ -7,10 +7,11 @@ import asyncio
 import numpy as np
 import pytest
 
+from pipeline.baselines.registry import answer_question
 from pipeline.config import MethodConfig
 from pipeline.metrics.cluster_quality import ClusterQuality, cluster_quality
 from pipeline.scene.scene import Scene
-from pipeline.tasks.method import QuestionRows, SceneContext, answer_question
+from pipeline.tasks.method import QuestionRows, SceneContext
 from schemas.questions import Question
 from tests.query.tiny import Scripted, caller_of, tiny_scene, without_instances
 

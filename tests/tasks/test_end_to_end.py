@@ -8,13 +8,14 @@ from collections.abc import Sequence
 
 import pytest
 
+from pipeline.baselines.registry import answer_question
 from pipeline.config import MethodConfig
 from pipeline.models.clients import make_caller
 from pipeline.models.config import ModelConfig
 from pipeline.scene.objects import SceneObject
 from pipeline.scene.procedural import build_apartment
 from pipeline.scene.scene import Scene
-from pipeline.tasks.method import QuestionRows, SceneContext, answer_question
+from pipeline.tasks.method import QuestionRows, SceneContext
 from schemas.questions import Question, Task
 
 Asked = tuple[Scene, tuple[Question, ...], list[QuestionRows]]

@@ -10,11 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from pipeline.baselines.registry import answer_question
 from pipeline.config import MethodConfig
 from pipeline.query.cluster_scale import JOIN_EPSILONS, derived_epsilon
 from pipeline.render import render
 from pipeline.tasks.grounding import Grounder, ShownView, standing_for
-from pipeline.tasks.method import QuestionRows, SceneContext, answer_question
+from pipeline.tasks.method import QuestionRows, SceneContext
 from pipeline.tasks.region import LOOKING, OF_CLUSTERS, GroundingConfig, RegionRule, frustum_region
 from schemas.questions import Question, Task
 from tests.query.tiny import Scripted, caller_of, camera_at, tiny_scene

@@ -7,13 +7,13 @@ import pickle
 import numpy as np
 import pytest
 
+from pipeline.baselines.registry import answer_question
 from pipeline.config import MethodConfig
 from pipeline.metrics.iou import weighted_iou
 from pipeline.scene.scene import Scene
 from pipeline.tasks.method import (
     QuestionRows,
     SceneContext,
-    answer_question,
     conclude,
     decide,
     failed_rows,

@@ -17,10 +17,10 @@ from pipeline.models.prompts import TemplateName
 from pipeline.query.evidence import Evidence
 from pipeline.query.judge import Design, JudgeConfig
 from pipeline.query.savings import DEFINITE, EQUAL_ANSWERS, ONE_IMAGE, REDUNDANT, SAME_VIEWS, SINGLE_CANDIDATE
+from pipeline.tasks.conclude import conclude
 from pipeline.tasks.context import SceneContext
 from pipeline.tasks.decision import Decision, decide
 from pipeline.tasks.proposal import Proposal, propose
-from pipeline.tasks.rows import conclude
 from schemas.questions import Question, Task
 from tests.query.tiny import Scripted, caller_of, tiny_scene
 

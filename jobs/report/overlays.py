@@ -1,0 +1,85 @@
+"""What is laid over a picture: per pixel, which group of Gaussians its dominant one belongs to, as a clear PNG."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Bool, Int32, UInt8
+
+COLORS = ("#e8590c", "#1c7ed6", "#2f9e44", "#ae3ec9", "#f2b705", "#0ca6a6", "#e64980", "#7a5a2e")
+"""One a cluster or instance, in order; they repeat. The page's style holds the same."""
+TRUTH = "#ffffff"
+"""Outline of ground truth."""
+FILL, EDGE = 120, 255
+"""Opacity of a group's pixels and of its outline, of 255."""
+
+
+def groups_image(
+    dominant: Int32[np.ndarray, "H W"], groups: Sequence[Int32[np.ndarray, "_"]], count: int
+) -> UInt8[np.ndarray, "H W"]:
+    """Return the group of each pixel's dominant Gaussian, counted from 1; 0 for none.
+
+    Args:
+        dominant: Gaussian a pixel, -1 for none.
+        groups: At most 100 sets of Gaussians; of overlapping ones the first counts.
+        count: M.
+    """
+    owner = np.zeros(count + 1, np.uint8)  # -1 looks at the last place, which stays 0
+    for number in range(len(groups), 0, -1):
+        owner[groups[number - 1]] = number
+    return owner[dominant]
+
+
+def around(mask: Bool[np.ndarray, "H W"], pixels: int) -> Bool[np.ndarray, "H W"]:
+    """Return the pixels outside a mask that are next to it."""
+    grown = mask.copy()
+    for _ in range(pixels):
+        wide = grown.copy()
+        wide[1:] |= grown[:-1]
+        wide[:-1] |= grown[1:]
+        wide[:, 1:] |= grown[:, :-1]
+        wide[:, :-1] |= grown[:, 1:]
+        grown = wide
+    return grown & ~mask
+
+
+def overlay(
+    labels: UInt8[np.ndarray, "H W"],
+    *,
+    filled: int | None = None,
+    truth: Bool[np.ndarray, "H W"] | None = None,
+) -> bytes:
+    """Return a PNG that is clear but for the groups.
+
+    Args:
+        labels: From `groups_image`.
+        filled: The group that is filled, others being outlined alone; None fills all.
+        truth: Pixels of the ground truth, outlined.
+    """
+    from PIL import Image
+
+    edge = 2 if max(labels.shape) > 300 else 1
+    image = np.zeros(labels.shape, np.uint8)
+    shades: list[tuple[int, int, int, int]] = [(0, 0, 0, 0)]
+    for label in np.unique(labels[labels > 0]):
+        mask = labels == label
+        color = _rgb(COLORS[(int(label) - 1) % len(COLORS)])
+        for where, opacity in ((mask, FILL if filled in (None, label) else 0), (around(mask, edge), EDGE)):
+            image[where] = len(shades)
+            shades.append((*color, opacity))
+    if truth is not None and truth.any():
+        for width, color in ((edge + 1, (0, 0, 0)), (edge, _rgb(TRUTH))):
+            image[around(truth, width)] = len(shades)
+            shades.append((*color, EDGE))
+    picture = Image.fromarray(image, "P")
+    picture.putpalette([part for shade in shades for part in shade[:3]])
+    sink = io.BytesIO()
+    picture.save(sink, "PNG", transparency=bytes(shade[3] for shade in shades), optimize=True)
+    return sink.getvalue()
+
+
+def _rgb(color: str) -> tuple[int, int, int]:
+    red, green, blue = bytes.fromhex(color[1:])
+    return red, green, blue

@@ -1,0 +1,239 @@
+"""A capture becomes a scene folder: frames chosen, start, optimisation, semantics, measures, files; scene.json last."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pipeline.construct.build_config import BuildConfig
+from pipeline.construct.describe import describe
+from pipeline.construct.fuse import fuse
+from pipeline.construct.held_out import split_held_out
+from pipeline.construct.sparse_start import start_from_points
+from pipeline.construct.train_progress import TrainProgress, held_out_quality
+from pipeline.construct.upright import estimate_up
+from pipeline.scene import Gaussians, Scene, Semantics
+from pipeline.scene.captures import Capture, CaptureKind, Frame, open_capture, select_frames
+from pipeline.scene.captures.select_frames import CANDIDATES
+from pipeline.scene.save import save_scene
+from pipeline.scene.scene_file import BUILD, QUESTIONS
+from schemas import storage
+from schemas.builds import BuildRow
+from schemas.errors import InputError, StoppedError
+from schemas.question_file import save_questions
+from schemas.questions import Question
+
+CHECKPOINT = "checkpoint"
+"""File of the optimisation's checkpoint, in its folder."""
+
+
+@dataclass(frozen=True, slots=True)
+class BuildProgress:
+    """How far the build of one capture is."""
+
+    stage: str
+    """open, select, fuse, train, measure, describe or save."""
+    share: float
+    """Of this stage, 0 to 1."""
+    detail: str = ""
+    """What else is known, such as the quality reached."""
+
+
+@dataclass(frozen=True, slots=True)
+class BuildRecord:
+    """A scene that was built."""
+
+    row: BuildRow
+    """What it is made of and how good it is."""
+    seconds: dict[str, float]
+    """Wall time by stage; of this session alone where an earlier one was cut off."""
+
+
+@dataclass(slots=True)
+class _Told:
+    """Tells how far it is, keeps the time of each stage, and ends the work when asked to."""
+
+    progress: Callable[[BuildProgress], object]
+    stop: Callable[[], bool]
+    stage: str = ""
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def at(self, stage: str) -> Iterator[None]:
+        self.stage, start = stage, time.perf_counter()
+        self.share(0.0)
+        yield
+        self.seconds[stage] = time.perf_counter() - start
+
+    def share(self, share: float, detail: str = "") -> None:
+        if self.stop():
+            raise StoppedError(f"stopped in stage {self.stage}")
+        self.progress(BuildProgress(self.stage, share, detail))
+
+    def count(self, total: int) -> Callable[[int], None]:
+        return lambda done: self.share(min(1.0, done / max(1, total)))
+
+
+def build_capture(
+    capture: str,
+    config: BuildConfig,
+    output: str,
+    *,
+    kind: CaptureKind = "auto",
+    name: str = "",
+    questions: Sequence[Question] = (),
+    checkpoint: Path | None = None,
+    threads: int = 1,
+    progress: Callable[[BuildProgress], object] = lambda progress: None,
+    stop: Callable[[], bool] = lambda: False,
+) -> BuildRecord:
+    """Build a scene folder from a capture and return what came of it.
+
+    Without a time budget the same capture and config give the same Gaussians, whatever the thread count and however
+    often the work was cut off.
+
+    Args:
+        capture: What `open_capture` takes.
+        config: All that shapes the scene.
+        output: Folder or URI of the scene; scene.json is written last, so a folder that has one is whole.
+        kind: Format of the capture.
+        name: Name of the scene; empty takes the capture's.
+        questions: Questions to copy into the folder, those of this scene; a capture has none of its own.
+        checkpoint: Local folder for what the optimisation has so far, from which it goes on; None keeps nothing.
+        threads: Threads of every stage.
+        progress: Told how far it is, often.
+        stop: Looked at often; once true the work ends with what it has kept.
+
+    Raises:
+        InputError: The capture is wrong, or has neither depth nor sparse points.
+        StoppedError: `stop` said so.
+    """
+    told = _Told(progress, stop)
+    with told.at("open"):
+        whole = open_capture(capture, kind, name=name)
+    with told.at("select"):
+        fitted, held_out = split_held_out(whole, config.hold_out, config.most_held_out)
+        if config.frames is not None:
+            looked_at = told.count(min(len(fitted), CANDIDATES * config.frames))
+            fitted = select_frames(fitted, config.frames, progress=looked_at)
+    with told.at("fuse"):
+        began, source, skipped = _start(fitted, config, threads, told)
+    warnings, gaussians, reached, quality = [*fitted.warnings], began, None, None
+    if skipped:
+        warnings.append(f"no depth in {skipped} frames that were fitted to")
+    if config.train.steps:
+        with told.at("train"):
+            gaussians, reached = _trained(began, fitted, held_out, config, checkpoint, threads, told)
+            quality = reached.held_out
+    if held_out and quality is None:
+        with told.at("measure"):
+            quality = held_out_quality(gaussians, held_out, threads=threads)
+    described = None
+    if config.semantics.source is not None:
+        with told.at("describe"):
+            shown = [frame for frame in fitted.frames if frame.image is not None]
+            looked = told.count(len(shown))
+            described = describe(gaussians, shown, config.semantics, scene=whole.name, threads=threads, progress=looked)
+        warnings.extend(described.warnings)
+    else:
+        warnings.append("no categories: no source of semantics was named, so no question finds anything")
+    up = whole.up
+    if up is None:
+        up = estimate_up(whole.cameras)
+        warnings.append(f"the capture does not say which way is up: {_shown(up)}, as the cameras are held")
+    recorded = whole.only([frame.name for frame in (*fitted.frames, *held_out)])
+    meaning = Semantics(()) if described is None else described.semantics
+    texts = None if described is None else described.texts
+    scene = Scene(whole.name, gaussians, recorded.views, meaning, up, texts)
+    row = BuildRow(
+        scene=scene.name,
+        capture=str(capture),
+        scene_uri=str(output),
+        status="built",
+        reason="",
+        start=source,
+        frames=len(whole),
+        fitted=len(fitted),
+        held_out=len(held_out),
+        skipped=len(fitted.skipped) + skipped,
+        started=len(began),
+        gaussians=len(gaussians),
+        steps=reached.step if reached is not None else 0,
+        psnr=None if quality is None else quality.psnr,
+        ssim=None if quality is None else quality.ssim,
+        depth_error_m=None if quality is None else quality.depth_abs_m,
+        depth_within_5cm=None if quality is None else quality.depth_within_5cm,
+        labels="" if described is None else described.report.source,
+        categories=len(meaning.present()),
+        labelled=0.0 if described is None else described.report.labelled / len(gaussians),
+        questions=len(questions),
+        warnings=tuple(warnings),
+    )
+    with told.at("save"):
+        if questions:
+            save_questions(questions, storage.join(output, QUESTIONS))
+        storage.write_bytes_atomic(storage.join(output, BUILD), _provenance(row, config))
+        save_scene(scene, output)
+    return BuildRecord(row, told.seconds)
+
+
+def _start(capture: Capture, config: BuildConfig, threads: int, told: _Told) -> tuple[Gaussians, str, int]:
+    """Return the Gaussians a scene begins as, what from, and how many frames had no depth to give."""
+    depth = any(frame.depth is not None for frame in capture.frames)
+    if config.start == "depth" or (config.start == "auto" and depth):
+        fusion = config.fusion.model_copy(update={"threads": threads})
+        fused = fuse(capture.frames, fusion, progress=told.share)
+        return fused.gaussians, "depth", len(fused.report.skipped)
+    if capture.points is None:
+        expected = "sparse points" if config.start == "points" else "depth images or sparse points"
+        raise InputError(f"capture {capture.name}", field="start", expected=expected, found="none")
+    return start_from_points(capture.points.read(), capture.cameras), "points", 0
+
+
+def _trained(
+    start: Gaussians,
+    capture: Capture,
+    held_out: Sequence[Frame],
+    config: BuildConfig,
+    checkpoint: Path | None,
+    threads: int,
+    told: _Told,
+) -> tuple[Gaussians, TrainProgress]:
+    """Return the optimised Gaussians and the last report."""
+    # Torch takes a second to import, and a scene without steps has no need of it.
+    from pipeline.construct.train import train
+
+    trained = train(
+        start,
+        [frame for frame in capture.frames if frame.image is not None],
+        config.train.model_copy(update={"threads": threads}),
+        checkpoint=None if checkpoint is None else checkpoint / CHECKPOINT,
+        progress=lambda report: told.share(report.share, _told_quality(report)),
+        stop=told.stop,
+        held_out=held_out,
+    )
+    return trained.gaussians, trained.history[-1]
+
+
+def _told_quality(report: TrainProgress) -> str:
+    told = [f"step {report.step} of {report.steps}", f"{report.gaussians:,} Gaussians"]
+    if report.psnr is not None:
+        told.append(f"PSNR {report.psnr:.2f} dB")
+    if report.held_out is not None:
+        told.append(f"held out {report.held_out.psnr:.2f} dB")
+    return ", ".join(told)
+
+
+def _provenance(row: BuildRow, config: BuildConfig) -> bytes:
+    """Return build.json: where a scene came from, for whoever finds its folder."""
+    content: dict[str, Any] = {**asdict(row), "config": config.model_dump(mode="json")}
+    return json.dumps(content, indent=1, ensure_ascii=False).encode()
+
+
+def _shown(direction: Any) -> str:
+    return "(" + ", ".join(f"{value:.2f}" for value in direction) + ")"

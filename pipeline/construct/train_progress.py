@@ -1,0 +1,95 @@
+"""What training tells while it runs and afterwards. Imports no torch."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from pipeline.metrics.image_quality import depth_errors, psnr, ssim
+from pipeline.render import prepare, render
+from pipeline.scene import Gaussians
+from pipeline.scene.captures import Frame
+
+
+@dataclass(frozen=True, slots=True)
+class HeldOutQuality:
+    """Rendered frames that training never saw against what was recorded: means over these frames."""
+
+    frames: int
+    """Frames compared."""
+    psnr: float
+    """dB."""
+    ssim: float
+    """Structural similarity, at most 1."""
+    depth_abs_m: float | None
+    """Mean |depth error|, metres, by the depth camera's own lens; None where no frame has depth."""
+    depth_within_5cm: float | None
+    """Share of measured pixels whose rendered depth is within 5 cm."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrainProgress:
+    """Where training stands."""
+
+    step: int
+    """Steps done."""
+    steps: int
+    """Steps there are at most."""
+    share: float
+    """Share of the run that is done, by steps or by time, whichever is more; 0 to 1."""
+    seconds: float
+    """Time spent training, all sessions together; looks at held-out frames not included."""
+    gaussians: int
+    """M."""
+    scale: float
+    """Scale of the images in the last step."""
+    loss: float | None
+    """Mean loss since the last report; None at the start."""
+    psnr: float | None
+    """Mean PSNR, dB, of the images looked at since then, at that scale; None at the start."""
+    held_out: HeldOutQuality | None = None
+    """Quality on held-out frames, where it was looked at."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain values, nested as they are here."""
+        return asdict(self)
+
+    @staticmethod
+    def from_dict(values: Mapping[str, Any]) -> TrainProgress:
+        """Return what `as_dict` gave."""
+        held_out = values["held_out"]
+        return TrainProgress(**{**values, "held_out": held_out and HeldOutQuality(**held_out)})
+
+
+def held_out_quality(gaussians: Gaussians, frames: Sequence[Frame], *, threads: int = 1) -> HeldOutQuality:
+    """Return how near renderings are to frames that were held out; nothing is fitted to these frames.
+
+    Args:
+        gaussians: The scene.
+        frames: At least one, with photographs.
+        threads: Threads inside a frame.
+    """
+    prepared = prepare(gaussians)
+    quality, depth = [], []
+    for frame in frames:
+        photo = frame.read_image()
+        color = render(prepared, frame.camera, ("color",), threads=threads).color
+        assert color is not None, "it was asked for"
+        quality.append((psnr(color, photo), ssim(color, photo)))
+        if frame.depth is not None:
+            rendered = render(prepared, frame.depth_lens, ("depth",), threads=threads).depth
+            assert rendered is not None, "it was asked for"
+            errors = depth_errors(rendered, frame.read_depth())
+            depth.append((errors.mean_abs_m, errors.within_5cm * errors.covered))
+    mean_psnr, mean_ssim = np.mean(quality, axis=0)
+    depth_abs_m, within = np.nanmean(depth, axis=0) if depth else (None, None)
+    return HeldOutQuality(
+        len(frames),
+        float(mean_psnr),
+        float(mean_ssim),
+        None if depth_abs_m is None else float(depth_abs_m),
+        None if within is None else float(within),
+    )
