@@ -1,27 +1,39 @@
-"""Write docs/job.md from the job file's own field descriptions: `python docs/generate.py`."""
+"""Write docs/job.md and docs/build_job.md from the job files' own field descriptions: `python docs/generate.py`."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
-from jobs.config import JobConfig
+from jobs.build_job import BuildJob
+from jobs.config import DEFAULT_METHOD, JobConfig
 
 HEAD = """# Job files
+
+A run that answers questions; files for `build` are in [build_job.md](build_job.md).
 
 A job file is YAML. Paths in it are relative to the file. Unknown fields are refused. Below is every field with its
 default and its meaning, made by
 `python docs/generate.py` from the code that checks them.
 """
 
+BUILD_HEAD = """# Build job files
 
-def job_reference() -> str:
-    """Return the text of docs/job.md."""
-    parts, queue, seen = [HEAD], [("", JobConfig)], set()
+A run that builds scenes from captures ([building.md](building.md)): `splatreasoner build --job FILE`. YAML; paths in it
+are relative to the file. Unknown fields are refused. Made by `python docs/generate.py` from the code that checks them.
+"""
+
+
+def job_reference(root: type[BaseModel] = JobConfig, head: str = HEAD) -> str:
+    """Return the text of docs/job.md, or of that on another root."""
+    parts: list[str] = [head]
+    queue: list[tuple[str, Any]] = [("", root)]
+    seen: set[Any] = set()
     while queue:
         path, model = queue.pop(0)
         if model in seen:
@@ -38,14 +50,14 @@ def _section(path: str, model: type[BaseModel], queue: list[tuple[str, Any]]) ->
         nested = _nested(field.annotation)
         place = f"{path.partition(', kind ')[0]}.{name}" if path else name
         if len(nested) > 1:  # methods: the paper's first, by its place alone
-            kinds = [model.model_fields["kind"].default for model in nested]
+            kinds = [_kind(model) for model in nested]
             queue += [
-                (place if number == 0 else f"{place}, kind {kind}", model)
-                for number, (kind, model) in enumerate(zip(kinds, nested, strict=True))
+                (place if kind == DEFAULT_METHOD else f"{place}, kind {kind}", model)
+                for kind, model in zip(kinds, nested, strict=True)
             ]
             default = "see below"
         elif nested:
-            map_key = "" if nested[0] is field.annotation else ".NAME"
+            map_key = ".NAME" if get_origin(field.annotation) in (dict, Mapping) else ""
             queue.append((place + map_key, nested[0]))
             default = "see below"
         else:
@@ -54,10 +66,18 @@ def _section(path: str, model: type[BaseModel], queue: list[tuple[str, Any]]) ->
     return "\n".join([*lines, ""])
 
 
+def _kind(model: type[BaseModel]) -> str:
+    """Return the kind by which one of several models is chosen, or the kinds."""
+    field = model.model_fields["kind"]
+    return " or ".join(get_args(field.annotation)) if field.is_required() else field.default
+
+
 def _nested(annotation: Any) -> list[type[BaseModel]]:
     """Return the models a field holds: one by itself or as the values of a map, or several to choose from."""
-    candidates = (annotation, *getattr(annotation, "__args__", ()))
-    return [one for one in candidates if isinstance(one, type) and issubclass(one, BaseModel)]
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    # In whatever holds it: a list, a map, a union with null, kinds to choose from.
+    return [model for one in getattr(annotation, "__args__", ()) for model in _nested(one)]
 
 
 def _plain(field: Any) -> str:
@@ -67,6 +87,7 @@ def _plain(field: Any) -> str:
 
 
 if __name__ == "__main__":
-    target = Path(__file__).with_name("job.md")
-    target.write_text(job_reference())
-    print(target)
+    for name, text in (("job.md", job_reference()), ("build_job.md", job_reference(BuildJob, BUILD_HEAD))):
+        target = Path(__file__).with_name(name)
+        target.write_text(text)
+        print(target)

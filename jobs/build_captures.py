@@ -34,6 +34,9 @@ from schemas.run_folder import BUILD_RUN, RunFolder, is_build_run
 from workers.build_steps import Build, BuildWork, CaptureProgress, build_scene, read_progress
 from workers.dispatch import Limits
 
+WORKING = "working"
+"""Folder, in the run, of checkpoints and progress unless the job names another."""
+
 LINE_S = 15.0
 """Seconds between two lines about the same stage of a capture."""
 
@@ -118,7 +121,7 @@ def resume_build(
 
 
 def _work(folder: RunFolder, job: BuildJob, build: Build, progress: Progress, lock: RunLock) -> RunResult:
-    events, working = EventLog(folder.root), Path(job.working_folder())
+    events, working = EventLog(folder.root), working_folder(folder, job)
     threads, together = _widths(job.workers, len(tuple(folder.captures())))
     stop = working / f"stop-{lock.epoch}"
     taken = storage.local_path(lock.next_claim)
@@ -213,10 +216,15 @@ class _Watch:
         return stop
 
 
+def working_folder(folder: RunFolder, job: BuildJob) -> Path:
+    """Return the run's own folder of checkpoints and progress, also where several runs name the same `working`."""
+    return Path(folder.uri(WORKING)) if job.working is None else Path(job.working, folder.identity())
+
+
 def captures_at_work(folder: RunFolder) -> tuple[CaptureProgress, ...]:
     """Return how far the captures of a build run are that have begun and are not committed."""
     job = checked_build_job({**folder.read_run()["config"], "output": folder.root}, folder.uri("run.json"))
-    return read_progress(Path(job.working_folder()))
+    return read_progress(working_folder(folder, job))
 
 
 def _refuse_changes(folder: RunFolder, job: BuildJob, found: dict[str, Any]) -> None:
@@ -224,7 +232,7 @@ def _refuse_changes(folder: RunFolder, job: BuildJob, found: dict[str, Any]) -> 
     planned_as_written(folder, found)
     changes = told(differences(found.get("basis"), dataclasses.asdict(build_basis(job))))
     if changes:
-        raise refused(folder, "the settings and code the run was planned with", changes)
+        raise refused(folder, "the settings and code the run was planned with", changes, "build ...", "")
     done = set(committed_units(folder.root))
     for unit in folder.captures():
         if unit.id not in done and capture_sha256(unit.capture) != unit.capture_sha256:
@@ -243,4 +251,4 @@ def _refuse_other_job(folder: RunFolder, job: BuildJob, planned: tuple[PlannedCa
         )
     )
     if changes:
-        raise refused(folder, "an empty folder or a run of this very job", changes)
+        raise refused(folder, "an empty folder or a run of this very job", changes, "build ...", "")

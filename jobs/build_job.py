@@ -56,7 +56,7 @@ class BuildJob(BaseModel):
 
     name: str = Field(min_length=1, max_length=200, description="name of the run")
     output: str = Field(min_length=1, description="run folder, a path or URI; made where it does not exist")
-    captures: tuple[CaptureEntry, ...] = Field(min_length=1, description="what is built: paths, patterns or entries")
+    captures: tuple[CaptureEntry, ...] = Field(description="what is built: paths, patterns or entries")
     scenes: str | None = Field(
         None,
         description="folder in which each scene gets a folder of its name, a path or URI; null takes scenes/ in "
@@ -66,7 +66,9 @@ class BuildJob(BaseModel):
         None, description="question file whose lines are copied into the scenes they name; captures have none"
     )
     working: str | None = Field(
-        None, description="local folder of checkpoints, on a disk that every node sees; null takes working/ in the run"
+        None,
+        description="local folder of checkpoints, on a disk that every node sees, in which each run takes a folder of "
+        "its own; null takes working/ in the run",
     )
     build: BuildConfig = Field(default_factory=BuildConfig, description="how a capture becomes a scene")
     workers: BuildWorkers = Field(default_factory=BuildWorkers, description="how wide the run goes")
@@ -77,19 +79,22 @@ class BuildJob(BaseModel):
         found = [value] if isinstance(value, str | dict) else value
         return [{"path": one} if isinstance(one, str) else one for one in found] if isinstance(found, list) else found
 
+    @field_validator("captures")
+    @classmethod
+    def _some(cls, value: tuple[CaptureEntry, ...]) -> tuple[CaptureEntry, ...]:
+        if not value:
+            raise ValueError("at least one capture")
+        return value
+
     @model_validator(mode="after")
     def _checkpoints_are_local(self) -> BuildJob:
-        if storage.local_path(self.working_folder()) is None:
+        if storage.local_path(self.output if self.working is None else self.working) is None:
             raise ValueError("working must name a local folder when the output is not local")
         return self
 
     def scene_folder(self, name: str) -> str:
         """Return where a scene goes."""
         return storage.join(self.scenes if self.scenes is not None else storage.join(self.output, "scenes"), name)
-
-    def working_folder(self) -> str:
-        """Return the folder of checkpoints and progress."""
-        return self.working if self.working is not None else storage.join(self.output, "working")
 
 
 def load_build_job(path: str | Path) -> BuildJob:

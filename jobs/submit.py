@@ -238,13 +238,19 @@ def _refuse_other_job(folder: RunFolder, config: JobConfig, units: Iterator[Plan
     raise refused(folder, "an empty folder or a run of this very job", changes)
 
 
-def refused(folder: RunFolder, expected: str, changes: list[str]) -> InputError:
+def refused(
+    folder: RunFolder,
+    expected: str,
+    changes: list[str],
+    again: str = "submit JOB.yaml",
+    kept: str = "; stored replies are used again",
+) -> InputError:
     """Return the error that names every change, and what can be done."""
     error = InputError(folder.root, expected=expected, found="one that differs in:")
     for change in changes:
         error.add_note(f"  {change}")
-    error.add_note("either undo that, or run the job as it is now into another folder; stored replies are used again:")
-    error.add_note("  splatreasoner submit JOB.yaml --output ANOTHER_FOLDER")
+    error.add_note(f"either undo that, or run the job as it is now into another folder{kept}:")
+    error.add_note(f"  splatreasoner {again} --output ANOTHER_FOLDER")
     return error
 
 

@@ -52,7 +52,7 @@ class BuildRow:
     depth_within_5cm: float | None
     """Share of held-out depth pixels whose error is under 5 cm, 0 to 1; null where there is no depth."""
     labels: str
-    """Source of the categories or features, in its own words; empty without one."""
+    """Kind of the source of categories or features; empty without one."""
     categories: int
     """Categories that at least one Gaussian carries."""
     labelled: float

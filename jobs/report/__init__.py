@@ -1,4 +1,4 @@
-"""The report: a run as one page to look at, made from the run folder alone."""
+"""The report: a run, or two, as a page to look at, made from run folders and, for pictures, their scenes."""
 
 from jobs.report.write import write_report
 

@@ -1,6 +1,7 @@
 // The list: filters, order and pages, all of them in the address, so that a view can be linked; and the pages by tab.
 const PAGE = 50;
 const PICKERS = ["task", "category", "scene", "order"];
+const MARKS = ["right", "wrong", "better", "worse", "failed", "unparsed", "skipped"];
 const TABS = [...document.querySelectorAll("main > section[id]")].map((section) => section.id);
 let data = null;
 let matching = [];
@@ -49,11 +50,17 @@ const scoreTrail = (row) => row.scores.map((score) => (score === null ? "–" : 
 const listRow = (row) =>
   make("li", {},
     make("a", { class: "row", href: `#q=${encodeURIComponent(row.id)}` },
-      make("span", { class: `mark ${row.labels.find((label) => ["right", "wrong", "failed", "unparsed", "skipped"].includes(label)) ?? "unscored"}`, "aria-hidden": "true" }),
+      make("span", { class: `mark ${row.labels.find((label) => MARKS.includes(label)) ?? "unscored"}`, "aria-hidden": "true" }),
       make("span", { class: "words" }, row.question),
       make("span", { class: "said" }, row.answer, row.reference && make("span", { class: "where" }, ` · truth: ${row.reference}`)),
       make("span", { class: "where" }, [TASK_TEXT(row.task), row.category, row.scene].filter(Boolean).join(" · ")),
       make("span", { class: "tail" }, ...chips(row.labels), make("span", { class: "trail" }, scoreTrail(row)))));
+
+const scenesOf = (scenery) => {
+  const maps = new Map(scenery.maps);
+  const problems = new Map(scenery.problems);
+  return (scene) => ({ map: maps.get(scene), problem: problems.get(scene), note: scenery.note });
+};
 
 const showList = () => {
   const { query } = readAddress();
@@ -112,7 +119,7 @@ const openQuestion = async (id) => {
   const box = byId("question");
   if (row < 0) return box.replaceChildren(make("p", { class: "notice" }, `There is no question ${id} in the list.`));
   const records = await load(`q${Math.floor(row / data.shard)}`);
-  if (readAddress().path !== `q=${encodeURIComponent(id)}`) return undefined; // somebody went on meanwhile
+  if (decodeURIComponent(readAddress().path.slice(2)) !== id) return undefined; // somebody went on meanwhile
   const link = (to, name, text) => make("a", { class: "button", href: to ? `#q=${encodeURIComponent(to.id)}` : null, "aria-disabled": to ? null : "true", rel: name }, text);
   const one = data.rows[row];
   box.replaceChildren(
@@ -120,7 +127,7 @@ const openQuestion = async (id) => {
       make("a", { class: "button", href: lastList }, "‹ List"),
       make("span", { class: "where" }, `${whole(place + 1)} of ${whole(matching.length)}`),
       link(matching[place - 1], "prev", "‹ Previous"), link(matching[place + 1], "next", "Next ›")),
-    make("h2", { tabindex: "-1" }, records[row % data.shard].question ?? one.question),
+    make("h2", { tabindex: "-1" }, one.question),
     make("p", { class: "where" }, [TASK_TEXT(one.task), one.category, one.scene, one.id].filter(Boolean).join(" · ")),
     make("p", { class: "chips" }, ...chips(one.labels)),
     ...detail(records[row % data.shard], data));
@@ -145,6 +152,7 @@ const show = () => {
     if (!data) {
       data = found;
       data.rows = data.rows.map(rowOf);
+      prepare(data);
       prepareList();
     }
     if (asked === "questions") return showList();
@@ -170,7 +178,7 @@ const keys = (event) => {
   } else if (event.key === "j" || event.key === "ArrowRight") go(1);
   else if (event.key === "k" || event.key === "ArrowLeft") go(-1);
   else if (event.key === "Escape" && open) location.hash = lastList;
-  else if (event.key === "o" && open) byId("overlays")?.click();
+  else if (event.key === "o" && open) showOverlays(document.body.classList.contains("bare"));
 };
 
 const start = () => {

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from jobs.report.pictures import Pictures
-from jobs.report.questions import LABELS
 from pipeline.models.prompts import BUILT_IN, Prompts
 
 SHARD = 50
@@ -14,28 +13,25 @@ SHARD = 50
 
 
 def list_data(
-    listed: Sequence[Mapping[str, Any]], drawn: Pictures, prompts: Sequence[Mapping[str, str]]
+    listed: Sequence[Mapping[str, Any]], labels: Mapping[str, str], drawn: Collection[str], **more: Any
 ) -> dict[str, Any]:
     """Return the data named `list`.
 
     Args:
-        listed: From `Questions.listed`.
-        drawn: Maps and what was left out.
-        prompts: From `prompt_templates`.
+        listed: Rows with the fields of `Questions.listed`.
+        labels: Names of the filters, in order.
+        drawn: Ids of questions with pictures.
+        more: Further data of the page.
     """
     scenes, tasks, categories = (sorted({str(row[name]) for row in listed}) for name in ("scene", "task", "category"))
     places = [{name: place for place, name in enumerate(names)} for names in (scenes, tasks, categories)]
-    labels = list(LABELS)
+    bits = {label: 1 << place for place, label in enumerate(labels)}
     return {
         "shard": SHARD,
         "scenes": scenes,
         "tasks": tasks,
         "categories": categories,
-        "labels": [[label, LABELS[label]] for label in labels],
-        "maps": [drawn.maps.get(scene) for scene in scenes],
-        "problems": [drawn.problems.get(scene, "") for scene in scenes],
-        "note": drawn.note,
-        "prompts": list(prompts),
+        "labels": [list(pair) for pair in labels.items()],
         "rows": [
             [
                 row["id"],
@@ -43,12 +39,22 @@ def list_data(
                 row["answer"],
                 row["reference"],
                 *(place[str(row[name])] for place, name in zip(places, ("scene", "task", "category"), strict=True)),
-                sum(1 << labels.index(label) for label in row["labels"]),
+                sum(bits[label] for label in row["labels"]),
                 row["scores"],
-                int(row["id"] in drawn.questions),
+                int(row["id"] in drawn),
             ]
             for row in listed
         ],
+        **more,
+    }
+
+
+def scenery(drawn: Pictures) -> dict[str, Any]:
+    """Return what the page knows of a run's scenes; scenes are in lists, since a name could be any text."""
+    return {
+        "maps": [[scene, found] for scene, found in drawn.maps.items()],
+        "problems": [[scene, found] for scene, found in drawn.problems.items()],
+        "note": drawn.note,
     }
 
 

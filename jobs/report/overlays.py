@@ -32,17 +32,23 @@ def groups_image(
     return owner[dominant]
 
 
-def around(mask: Bool[np.ndarray, "H W"], pixels: int) -> Bool[np.ndarray, "H W"]:
-    """Return the pixels outside a mask that are next to it."""
-    grown = mask.copy()
+def grown(mask: Bool[np.ndarray, "H W"], pixels: int) -> Bool[np.ndarray, "H W"]:
+    """Return a mask with the pixels that are up to `pixels` steps away."""
     for _ in range(pixels):
-        wide = grown.copy()
-        wide[1:] |= grown[:-1]
-        wide[:-1] |= grown[1:]
-        wide[:, 1:] |= grown[:, :-1]
-        wide[:, :-1] |= grown[:, 1:]
-        grown = wide
-    return grown & ~mask
+        wide = mask.copy()
+        wide[1:] |= mask[:-1]
+        wide[:-1] |= mask[1:]
+        wide[:, 1:] |= mask[:, :-1]
+        wide[:, :-1] |= mask[:, 1:]
+        mask = wide
+    return mask
+
+
+def outline(mask: Bool[np.ndarray, "H W"], pixels: int) -> Bool[np.ndarray, "H W"]:
+    """Return the pixels just outside a mask; gaps of up to 4 pixels in it have no outline of their own."""
+    padded = np.pad(mask, 4)
+    closed = ~grown(~grown(padded, 2), 2)
+    return (grown(closed, pixels) & ~closed)[4:-4, 4:-4]
 
 
 def overlay(
@@ -66,12 +72,13 @@ def overlay(
     for label in np.unique(labels[labels > 0]):
         mask = labels == label
         color = _rgb(COLORS[(int(label) - 1) % len(COLORS)])
-        for where, opacity in ((mask, FILL if filled in (None, label) else 0), (around(mask, edge), EDGE)):
+        own = filled in (None, label)
+        for where, opacity in ((mask, FILL if own else 0), (outline(mask, edge if own else 1), EDGE)):
             image[where] = len(shades)
             shades.append((*color, opacity))
     if truth is not None and truth.any():
         for width, color in ((edge + 1, (0, 0, 0)), (edge, _rgb(TRUTH))):
-            image[around(truth, width)] = len(shades)
+            image[outline(truth, width)] = len(shades)
             shades.append((*color, EDGE))
     picture = Image.fromarray(image, "P")
     picture.putpalette([part for shade in shades for part in shade[:3]])

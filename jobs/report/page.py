@@ -67,7 +67,7 @@ def page(
         question_section(MEANINGS + cut, ORDERS),
         Section("run", "Run", configuration(facts.run)),
     ]
-    return document(f"{name} · SplatReasoner", _facts(facts), sections, data=data, script="report.js")
+    return document(name, _facts(facts), sections, data=data, script="report.js")
 
 
 def _facts(facts: RunFacts) -> str:

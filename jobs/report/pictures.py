@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from jobs.progress import Progress, Silent
-from jobs.report.questions import LABELS, Questions, standing_arm
+from jobs.report.questions import Questions, standing_arm
 from jobs.report.scene_places import find_scene, planned_scenes
 from jobs.report.shards import DataFolder
 from jobs.report.top_down import frame_of, up_of
@@ -113,20 +113,16 @@ def draw_pictures(
     shown.end()
     total, drawn_count = len(listed), len(found.questions)
     if drawn_count < total:
-        found.note = (
-            f"Drawn for {drawn_count:,} of {total:,} questions; `splatreasoner report RUN --overlays N` draws more."
-        )
+        found.note = f"Overlays are drawn for {drawn_count:,} of {total:,} questions; report --overlays N draws more."
     return found
 
 
 def spread(listed: Sequence[Mapping[str, Any]], count: int) -> list[int]:
     """Return places of questions, about as many of each task and label: what people open by filter is then drawn."""
-    groups: dict[tuple[str, str], list[int]] = {
-        (task, label): [] for label in LABELS for task in dict.fromkeys(str(row["task"]) for row in listed)
-    }
+    groups: dict[tuple[str, str], list[int]] = {}
     for place, row in enumerate(listed):
         for label in row["labels"]:
-            groups[str(row["task"]), label].append(place)
+            groups.setdefault((str(row["task"]), label), []).append(place)
     chosen: dict[int, None] = {}
     waiting = [iter(group) for group in groups.values()]
     while waiting and len(chosen) < count:

@@ -2,7 +2,7 @@
 const TASKS = { eqa: "Question answering", ground_one: "Grounding, one target", ground_many: "Grounding, many" };
 const SCORE = { eqa: "Mark", ground_one: "3D IoU", ground_many: "Instance mIoU" };
 const CHIPS = { right: "right", wrong: "wrong", unscored: "not scored", failed: "failed", unparsed: "unparsed", skipped: "skipped",
-  "novel-better": "novel views +", "novel-worse": "novel views −", "verify-better": "verification +", "verify-worse": "verification −" };
+  "novel-better": "novel views +", "novel-worse": "novel views −", better: "B better", worse: "B worse", "verify-better": "verification +", "verify-worse": "verification −" };
 const STANDS = { initial: "kept the initial views", final: "kept the chosen views", mixed: "kept chosen views for some clusters and initial ones for others" };
 
 const chips = (labels) =>
@@ -84,7 +84,7 @@ const views = (question) => {
   if (!question.clusters.length) return null;
   const masked = Object.values(question.drawn?.views ?? {}).some((view) => view.overlay);
   return step(3, "Views and what the model saw in each", "Each cluster's most visible recorded view, and novel views around it, each answered alone. The judge chose one.",
-    overlaySwitch(masked),
+    masked && overlaySwitch(), masked && make("p", { class: "note" }, "Filled: pixels that the cluster's Gaussians dominate. Outlined: the other clusters."),
     ...question.clusters.map((cluster) => make("section", { class: "cluster" },
       make("h4", {}, dot(cluster.cluster), `${cluster.cluster} ${cluster.category}`),
       cluster.candidates.length

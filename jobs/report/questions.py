@@ -69,27 +69,33 @@ class Questions:
         """Return a table with all its rows."""
         return self._tables[name]
 
+    @property
+    def ids(self) -> list[str]:
+        """Ids of the questions kept, in plan order."""
+        return self._answers["question_id"].tolist()
+
     def listed(self) -> list[dict[str, Any]]:
         """Return what the list shows of every question."""
-        arms = _by_question(self._tables["arms"], set(self._answers["question_id"]))
+        arms = _by_question(self._tables["arms"], set(self.ids))
         return [
             _listed(row, {str(arm["arm"]): arm for arm in arms.get(row["question_id"], [])})
             for row in _rows(self._answers)
         ]
 
-    def records(self, first: int, count: int) -> list[dict[str, Any]]:
-        """Return `count` questions from place `first` on with all that led to their answers."""
-        chosen = self._answers.iloc[first : first + count]
-        kept = set(chosen["question_id"])
+    def records(self, ids: Sequence[str]) -> dict[str, dict[str, Any]]:
+        """Return questions with all that led to their answers, by id; without those that have no committed row."""
+        kept = self._answers[self._answers["question_id"].isin(ids)]
         found = {}
         for name, places in self._places.items():
-            where = [places[question] for question in chosen["question_id"] if question in places]
+            where = [places[question] for question in kept["question_id"] if question in places]
             table = self._tables[name]
-            found[name] = _by_question(table.iloc[np.concatenate(where)] if where else table.head(0), kept)
-        return [
-            _record(row, {name: rows.get(row["question_id"], []) for name, rows in found.items()}, self._image)
-            for row in _rows(chosen)
-        ]
+            found[name] = _by_question(table.iloc[np.concatenate(where)] if where else table.head(0), set(ids))
+        return {
+            row["question_id"]: _record(
+                row, {name: rows.get(row["question_id"], []) for name, rows in found.items()}, self._image
+            )
+            for row in _rows(kept)
+        }
 
     def _image(self, candidate: Mapping[str, Any]) -> str | None:
         image = image_name(candidate["scene"], candidate["candidate"], list(candidate["world_to_camera"]))

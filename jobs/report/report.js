@@ -1,7 +1,6 @@
 // The page of one run.
-const detail = (record, all) => {
-  const scene = all.scenes.indexOf(record.scene);
-  const about = { map: all.maps[scene], problem: all.problems[scene], note: all.note };
-  return steps(record, about, all.prompts);
+const prepare = (all) => {
+  all.about = scenesOf(all.scenery);
 };
+const detail = (record, all) => steps(record, all.about(record.scene), all.prompts);
 start();

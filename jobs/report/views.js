@@ -23,11 +23,15 @@ const picture = (image, overlay, caption, lazy = true) => {
   return button;
 };
 
-const overlaySwitch = (many) => {
-  const box = make("input", { type: "checkbox", id: "overlays" });
+const showOverlays = (shown) => {
+  document.body.classList.toggle("bare", !shown);
+  for (const box of document.querySelectorAll(".switch input")) box.checked = shown;
+};
+const overlaySwitch = () => {
+  const box = make("input", { type: "checkbox" });
   box.checked = !document.body.classList.contains("bare");
-  box.addEventListener("change", () => document.body.classList.toggle("bare", !box.checked));
-  return many ? make("label", { class: "switch" }, box, " Show overlays ", make("kbd", {}, "o")) : null;
+  box.addEventListener("change", () => showOverlays(box.checked));
+  return make("label", { class: "switch" }, box, " Show overlays ", make("kbd", {}, "o"));
 };
 
 const onMap = (map, point) =>

@@ -8,10 +8,10 @@ from jobs.aggregate import NEEDED, aggregate_tables
 from jobs.coverage import read_plan
 from jobs.events import read_events
 from jobs.progress import Progress
-from jobs.report.listing import SHARD, list_data, prompt_templates
+from jobs.report.listing import SHARD, list_data, prompt_templates, scenery
 from jobs.report.page import RunFacts, page
 from jobs.report.pictures import DrawingBudget, draw_pictures
-from jobs.report.questions import OF_A_QUESTION, Questions
+from jobs.report.questions import LABELS, OF_A_QUESTION, Questions
 from jobs.report.shards import DataFolder
 from jobs.scores import Options
 from jobs.status import run_status
@@ -59,10 +59,12 @@ def write_report(
     config = facts.run.get("config")
     method = config.get("method", {}) if isinstance(config, dict) else {}
     drawn = draw_pictures(folder.root, method, questions, listed, data, drawing or DrawingBudget(), progress)
-    for number, first in enumerate(range(0, len(questions), SHARD)):
-        records = questions.records(first, SHARD)
-        data.script(f"q{number}", [{**record, "drawn": drawn.questions.get(record["id"])} for record in records])
-    data.script("list", list_data(listed, drawn, prompt_templates(facts.run)))
+    ids = questions.ids
+    for number, first in enumerate(range(0, len(ids), SHARD)):
+        records = questions.records(ids[first : first + SHARD])
+        data.script(f"q{number}", [{**record, "drawn": drawn.questions.get(key)} for key, record in records.items()])
+    more = {"scenery": scenery(drawn), "prompts": prompt_templates(facts.run)}
+    data.script("list", list_data(listed, LABELS, drawn.questions, **more))
     data.tidy()
     content = page(facts, metrics, tables, shown=len(questions), data=DATA)
     uri = folder.uri(REPORT)

@@ -89,8 +89,8 @@ def build(
             ("build", "train", "steps"): steps,
             ("build", "train", "minutes"): minutes,
             ("build", "train", "device"): device,
-            ("questions",): None if questions is None else str(questions.absolute()),
-            ("output",): None if output is None else str(output.absolute()),
+            ("questions",): None if questions is None else str(questions),
+            ("output",): None if output is None else str(output),
             ("workers", "cpus"): cpus,
             ("workers", "address"): address,
             ("workers", "in_process"): False if address is not None and in_process is None else in_process,
@@ -131,13 +131,13 @@ def _build_job(
         if name is not None and len(captures) > 1:
             raise InputError("--name", expected="one capture", found=len(captures))
         entries = [{"path": one, "kind": kind or "auto", "name": name or ""} for one in captures]
-        found = {"name": "build", **anchored({"captures": entries}, Path.cwd())}
+        found = {"name": "build", "captures": entries}
     for place, value in changes.items():
         if value is None:
             continue
         inner = found
         for part in place[:-1]:
             inner = inner.setdefault(part, {})
-        # Nobody writes null on a command line; 0 held out, or a device by an empty text, is none of it.
+        # A command line has no null.
         inner[place[-1]] = None if place[-1] == "hold_out" and value == 0 else value
-    return checked_build_job(found, job or "build")
+    return checked_build_job(anchored(found, Path.cwd()), job or "build")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -24,6 +26,11 @@ def compare(
     ] = "",
     questions: Annotated[bool, typer.Option("--questions", help="List the questions that came out otherwise.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Everything as one JSON object.")] = False,
+    page: Annotated[
+        Path | None, typer.Option(help="Write a page with both runs side by side, such as comparison.html.")
+    ] = None,
+    overlays: Annotated[int, typer.Option(min=0, help="With --page: questions of each run that are drawn.")] = 12,
+    scenes: Annotated[str, typer.Option(help="With --page: folder with the scenes, as in report.")] = "",
 ) -> None:
     """Say how run B differs from run A: scores of the same questions, configuration, calls and time.
 
@@ -33,10 +40,14 @@ def compare(
     Examples: [bold]splatreasoner compare runs/base runs/more-views --questions[/bold]
 
     [bold]splatreasoner compare demo/run demo/run --arm initial:final[/bold]
+
+    [bold]splatreasoner compare runs/base runs/more-views --page comparison.html[/bold]
     """
     from jobs.compare import compare_runs
 
     found = compare_runs(a, b, arm=arm)
+    if page is not None:
+        print(_write_page(found, page, overlays, scenes), file=sys.stderr)
     if as_json:
         from jobs.frame_text import to_json
 
@@ -54,6 +65,18 @@ def compare(
     _print_cost(found)
     if questions:
         _print_questions(found)
+
+
+def _write_page(found: Comparison, page: Path, overlays: int, scenes: str) -> Path:
+    from jobs.progress import for_terminal
+    from jobs.report.compare_page import write_comparison
+    from jobs.report.pictures import DrawingBudget
+
+    shown = for_terminal("questions drawn")
+    try:
+        return write_comparison(found, page, drawing=DrawingBudget(overlays, scenes=scenes), progress=shown)
+    finally:
+        shown.end()
 
 
 def _print_scores(found: Comparison) -> None:

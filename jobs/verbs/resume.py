@@ -40,7 +40,10 @@ def resume(
     cache = cache_mode(no_cache, replay)
     if RunFolder(run).builds():
         from jobs.build_captures import resume_build
+        from schemas.errors import InputError
 
+        if budget or cache:
+            raise InputError(run, expected="options that a build run knows", found="some about model calls")
         shown = for_terminal("captures", progress_style(plain, log_json))
         end_build(resume_build(run, progress=shown, workers=workers))
         return

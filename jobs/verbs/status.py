@@ -64,7 +64,7 @@ def lines(found: RunStatus, run: str) -> list[str]:
         if not found.complete and found.minutes_left is not None:
             told.append(f"time left at that rate: {_minutes(found.minutes_left)}")
     told += [f"  {line}" for line in found.at_work]
-    told += _spend(found)
+    told += _spend(found) if found.items == "questions" else []
     if found.retries:
         by_error = ", ".join(f"{error} {count}" for error, count in found.retries.items())
         told.append(f"tries beyond the first: {sum(found.retries.values())} ({by_error})")

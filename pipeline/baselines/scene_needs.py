@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from pipeline.baselines.config import AnyMethod, FieldConfig, SceneFieldConfig
 from pipeline.config import MethodConfig
 from pipeline.query.activate import ActivationConfig
@@ -11,8 +13,17 @@ from schemas.errors import InputError
 from schemas.questions import TASKS, Task
 from schemas.semantics_table import CATEGORY, EMBEDDING, read_semantics_columns
 
-SEARCHED = {"scene": EMBEDDING, "symbolic": CATEGORY}
-"""Column that a field searches, by `features`."""
+
+@dataclass(frozen=True, slots=True)
+class _Search:
+    """What is searched for texts."""
+
+    column: str
+    """Column of semantics.parquet."""
+    activation: ActivationConfig
+    """The rule."""
+    texts: str | None
+    """File of the texts' embeddings in place of the scene's."""
 
 
 def check_scene(method: AnyMethod, uri: str, parts: SceneParts) -> None:
@@ -27,25 +38,28 @@ def check_scene(method: AnyMethod, uri: str, parts: SceneParts) -> None:
         InputError: The scene lacks the features or labels that are searched or the texts' embeddings, or those are of
             another size than the features or lack a canonical phrase.
     """
-    activation, column, texts = _searched(method)
-    if activation is None:
+    search = _search_of(method)
+    if search is None:
         return
     columns = {} if parts.semantics is None else read_semantics_columns(parts.semantics)
-    if column not in columns:
+    if search.column not in columns:
+        expected = f"column {search.column}, which method {method.kind} searches"
         found = "no such file" if parts.semantics is None else f"columns {', '.join(columns)}"
-        raise InputError(uri, field=SEMANTICS, expected=f"column {column}, which {_told(method)} searches", found=found)
-    if column == CATEGORY:
+        raise InputError(uri, field=SEMANTICS, expected=expected, found=found)
+    if search.column == CATEGORY:
         return
-    if texts is None and parts.texts is None:
-        raise InputError(uri, field=FILE, expected=f"the embeddings of {_told(method)}'s texts", found="no such file")
-    read = str(texts.replace("{scene}", parts.name) if texts is not None else parts.texts)
-    embeddings = read_text_embeddings(read)
+    texts = parts.texts if search.texts is None else search.texts.replace("{scene}", parts.name)
+    if texts is None:
+        expected = f"the embeddings of what method {method.kind} searches for"
+        raise InputError(uri, field=FILE, expected=expected, found="no such file")
+    embeddings = read_text_embeddings(texts)
     if (size := embeddings.vectors.shape[1]) != columns[EMBEDDING]:
-        raise InputError(read, field="vectors", expected=f"size {columns[EMBEDDING]}, as features of {uri}", found=size)
-    missing = set(activation.canonical) - set(embeddings.names) if activation.by == "relevancy" else set()
-    if missing:
-        expected = f"the canonical phrases {', '.join(activation.canonical)}"
-        raise InputError(read, field="names", expected=expected, found=f"no {', '.join(sorted(missing))}")
+        expected = f"size {columns[EMBEDDING]}, as the features of {uri}"
+        raise InputError(texts, field="vectors", expected=expected, found=f"size {size}")
+    phrases = search.activation.canonical if search.activation.by == "relevancy" else ()
+    if missing := set(phrases) - set(embeddings.names):
+        expected = f"the canonical phrases {', '.join(phrases)}, for {uri}"
+        raise InputError(texts, field="names", expected=expected, found=f"no {', '.join(sorted(missing))}")
 
 
 def tasks_of(method: AnyMethod) -> tuple[Task, ...]:
@@ -55,17 +69,11 @@ def tasks_of(method: AnyMethod) -> tuple[Task, ...]:
     return TASKS[1:] if isinstance(method, FieldConfig) else ("eqa",)
 
 
-def _searched(method: AnyMethod) -> tuple[ActivationConfig | None, str, str | None]:
-    """Return the rule, the column it reads and a file of texts beside the scene's; no rule for other methods."""
+def _search_of(method: AnyMethod) -> _Search | None:
     if isinstance(method, SceneFieldConfig):
-        return method.activation(), SEARCHED[method.features], method.texts
-    if isinstance(method, FieldConfig):
-        return None, "", None
-    holder = getattr(method, "objects", method)
-    activation: ActivationConfig | None = getattr(holder, "activation", None)
-    by_labels = activation is None or activation.by == "labels"
-    return (None, "", None) if by_labels else (activation, EMBEDDING, None)
-
-
-def _told(method: AnyMethod) -> str:
-    return f"method {method.kind}"
+        column = EMBEDDING if method.features == "scene" else CATEGORY
+        return _Search(column, method.activation(), method.texts)
+    activation = getattr(getattr(method, "objects", method), "activation", None)
+    if not isinstance(activation, ActivationConfig) or activation.by == "labels":
+        return None
+    return _Search(EMBEDDING, activation, None)

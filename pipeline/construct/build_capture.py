@@ -22,6 +22,7 @@ from pipeline.scene.captures import Capture, CaptureKind, Frame, open_capture, s
 from pipeline.scene.captures.select_frames import CANDIDATES
 from pipeline.scene.save import save_scene
 from pipeline.scene.scene_file import BUILD, QUESTIONS
+from pipeline.scene.text_embeddings import TextEmbeddings
 from schemas import storage
 from schemas.builds import BuildRow
 from schemas.errors import InputError, StoppedError
@@ -133,22 +134,13 @@ def build_capture(
     if held_out and quality is None:
         with told.at("measure"):
             quality = held_out_quality(gaussians, held_out, threads=threads)
-    described = None
-    if config.semantics.source is not None:
-        with told.at("describe"):
-            shown = [frame for frame in fitted.frames if frame.image is not None]
-            looked = told.count(len(shown))
-            described = describe(gaussians, shown, config.semantics, scene=whole.name, threads=threads, progress=looked)
-        warnings.extend(described.warnings)
-    else:
-        warnings.append("no categories: no source of semantics was named, so no question finds anything")
+    with told.at("describe"):
+        meaning, texts = _meaning(gaussians, fitted, config, threads, told, warnings)
     up = whole.up
     if up is None:
         up = estimate_up(whole.cameras)
         warnings.append(f"the capture does not say which way is up: {_shown(up)}, as the cameras are held")
     recorded = whole.only([frame.name for frame in (*fitted.frames, *held_out)])
-    meaning = Semantics(()) if described is None else described.semantics
-    texts = None if described is None else described.texts
     scene = Scene(whole.name, gaussians, recorded.views, meaning, up, texts)
     row = BuildRow(
         scene=scene.name,
@@ -168,9 +160,9 @@ def build_capture(
         ssim=None if quality is None else quality.ssim,
         depth_error_m=None if quality is None else quality.depth_abs_m,
         depth_within_5cm=None if quality is None else quality.depth_within_5cm,
-        labels="" if described is None else described.report.source,
+        labels="" if config.semantics.source is None else config.semantics.source.kind,
         categories=len(meaning.present()),
-        labelled=0.0 if described is None else described.report.labelled / len(gaussians),
+        labelled=meaning.labelled_share,
         questions=len(questions),
         warnings=tuple(warnings),
     )
@@ -218,6 +210,20 @@ def _trained(
         held_out=held_out,
     )
     return trained.gaussians, trained.history[-1]
+
+
+def _meaning(
+    gaussians: Gaussians, capture: Capture, config: BuildConfig, threads: int, told: _Told, warnings: list[str]
+) -> tuple[Semantics, TextEmbeddings | None]:
+    """Return what the frames' photographs say of the Gaussians, and add to the warnings what one should know of it."""
+    if config.semantics.source is None:
+        warnings.append("no categories: no source of semantics was named, so no question finds anything")
+        return Semantics(()), None
+    frames = [frame for frame in capture.frames if frame.image is not None]
+    looked = told.count(len(frames))
+    found = describe(gaussians, frames, config.semantics, scene=capture.name, threads=threads, progress=looked)
+    warnings.extend(found.warnings)
+    return found.semantics, found.texts
 
 
 def _told_quality(report: TrainProgress) -> str:

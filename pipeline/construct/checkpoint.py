@@ -63,7 +63,7 @@ def load_checkpoint(path: Path, run: str) -> Checkpoint | None:
     if not path.exists():
         return None
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
         head = json.loads(arrays.pop(_HEAD).tobytes())
         form, found = head.pop("format"), head.pop("run")

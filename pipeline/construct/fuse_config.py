@@ -29,4 +29,7 @@ class FusionConfig(BaseModel):
         description="Close what photographs show and no depth reaches (glass, screens, dark things) with wide "
         "Gaussians at a depth guessed from the surroundings.",
     )
+    color_rounds: int = Field(
+        default=1, ge=0, description="Times the colours are fitted to the photographs through the renderer."
+    )
     threads: int = Field(default=1, ge=1, description="Threads; no number of them changes a result.")

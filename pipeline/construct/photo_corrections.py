@@ -12,6 +12,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from pipeline.construct.camera_motion import moved
 from pipeline.construct.sparse_adam import adam_step
 from pipeline.construct.train_config import TrainConfig
 from pipeline.geometry import Camera
@@ -85,17 +86,6 @@ class PhotoCorrections:
         ids = torch.tensor([index], device=values.device)
         rates = torch.full((gradient.numel(),), rate, device=values.device)
         adam_step(values, first, second, self._updates, ids, gradient[None], rates, beta2=self._config.beta2)
-
-
-def moved(camera: Camera, twist: Float[np.ndarray, "6"]) -> Camera:
-    """Return the camera after a small motion in its own axes: translation (metres), then rotation vector (radians)."""
-    angle = float(np.linalg.norm(twist[3:]))
-    x, y, z = twist[3:] / max(angle, np.finfo(float).tiny)
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    rotation = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
-    pose = rotation @ camera.world_to_camera
-    pose[:, 3] += twist[:3]
-    return camera.moved_to(pose)
 
 
 def pose_gradient(

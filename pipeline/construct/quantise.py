@@ -26,7 +26,7 @@ ROWS_AT_ONCE = 1 << 14
 class Codebooks:
     """The typical parts."""
 
-    parts: Float32[np.ndarray, "S C D/S"]
+    parts: Float32[np.ndarray, "S C w"]
     """Of each of S parts, C of them, at most 256."""
 
 

@@ -130,11 +130,11 @@ def rasterize_seen(
     Raises:
         InputError: An argument is not as described.
     """
-    wanted = _checked_outputs(outputs)
+    wanted = checked_outputs(outputs)
     drawing = _draw(
         (means, quats, log_scales, opacity_logits, sh), camera, sh_degree, background, near, wanted, threads
     )
-    _check_tiles(tiles, camera)
+    checked_tiles(tiles, camera)
     leaves = {name: torch.from_numpy(getattr(drawing, name)).requires_grad_() for name in wanted}
     return _raster(drawing, leaves, tiles)
 
@@ -177,8 +177,8 @@ def rasterize(
     Raises:
         InputError: An argument is not as described.
     """
-    wanted = _checked_outputs(outputs)
-    _check_tiles(tiles, camera)
+    wanted = checked_outputs(outputs)
+    checked_tiles(tiles, camera)
     screen = ScreenGradients()
     parameters = (means, quats, log_scales, opacity_logits, sh)
     drawing = _draw(parameters, camera, sh_degree, background, near, wanted, threads)
@@ -197,18 +197,19 @@ class _Rasterize(torch.autograd.Function):  # type: ignore[misc]
         context: Any, drawing: Drawing, tiles: Any, screen: ScreenGradients, *parameters: Tensor
     ) -> tuple[Tensor | None, ...]:
         context.drawing, context.tiles, context.screen = drawing, tiles, screen
-        context.shapes = [parameter.shape for parameter in parameters]
+        context.save_for_backward(*parameters)
         context.set_materialize_grads(False)
         images = (getattr(drawing, name) for name in OUTPUTS)
         return tuple(None if image is None else torch.from_numpy(image) for image in images)
 
     @staticmethod
     def backward(context: Any, *gradients: Tensor | None) -> tuple[Tensor | None, ...]:
+        parameters = context.saved_tensors  # an error here if one was changed in place since it was drawn
         found = _pulled_back(context.drawing, gradients, context.tiles)
         context.screen.norm = torch.from_numpy(found.screen_norm)
         ids = torch.from_numpy(context.drawing.ids).long()
         rows = (getattr(found, name) for name in RawGradients.__slots__)
-        dense = [torch.zeros(shape) for shape in context.shapes]
+        dense = [torch.zeros_like(parameter) for parameter in parameters]
         for whole, row in zip(dense, rows, strict=False):
             part = whole[:, : row.shape[1]] if whole.ndim == 3 else whole
             part.index_copy_(0, ids, torch.from_numpy(row))
@@ -231,9 +232,8 @@ def _draw(
     threads: int | None,
 ) -> Drawing:
     count, sh_count = len(parameters[0]), parameters[4].shape[1] if parameters[4].ndim == 3 else -1
-    names = [field for field in RawGaussians.__slots__]
     shapes = ((count, 3), (count, 4), (count, 3), (count,), (count, sh_count, 3))
-    for name, tensor, shape in zip(names, parameters, shapes, strict=True):
+    for name, tensor, shape in zip(RawGaussians.__slots__, parameters, shapes, strict=True):
         if tuple(tensor.shape) != shape or (name == "sh" and sh_count not in SH_COUNTS.values()):
             raise InputError("rasterize", field=name, expected=f"shape {shape}", found=tuple(tensor.shape))
         if tensor.dtype != torch.float32 or tensor.device.type != "cpu":
@@ -246,6 +246,8 @@ def _draw(
         raise InputError("rasterize", field="sh_degree", expected=f"0 to {stored}, as stored", found=sh_degree)
     if not (np.isfinite(near) and near >= 0):
         raise InputError("rasterize", field="near", expected="a distance of 0 m or more", found=near)
+    if threads is not None and threads < 1:
+        raise InputError("rasterize", field="threads", expected="1 or more", found=threads)
     return draw(
         RawGaussians(*(tensor.detach().contiguous().numpy() for tensor in parameters)),
         camera,
@@ -265,15 +267,26 @@ def _pulled_back(drawing: Drawing, gradients: Any, tiles: Any) -> RawGradients:
     )
 
 
-def _checked_outputs(outputs: Iterable[str]) -> tuple[str, ...]:
+def checked_outputs(outputs: Iterable[str]) -> tuple[str, ...]:
+    """Return the outputs; InputError where one is unknown or none is given."""
     wanted = () if isinstance(outputs, str) else tuple(outputs)
     if not wanted or not set(wanted) <= set(OUTPUTS):
         raise InputError("rasterize", field="outputs", expected=f"one or more of {OUTPUTS}", found=outputs)
     return wanted
 
 
-def _check_tiles(tiles: Any, camera: Camera) -> None:
+def checked_tiles(
+    tiles: Bool[np.ndarray, "rows columns"] | None, camera: Camera
+) -> Bool[np.ndarray, "rows columns"] | None:
+    """Return the tiles; InputError unless they are None or a mask of the camera's."""
     shape = (-(-camera.height // TILE), -(-camera.width // TILE))
     if tiles is not None and (tiles.shape != shape or tiles.dtype != np.bool_):
         found = f"{tiles.dtype} {tiles.shape}"
         raise InputError("rasterize", field="tiles", expected=f"bool, rows x columns {shape}", found=found)
+    return tiles
+
+
+def tile_pixels(tiles: Bool[np.ndarray, "rows columns"], camera: Camera) -> Bool[np.ndarray, "H W"]:
+    """Return the pixels of these 16 x 16 tiles of the camera's image; InputError where the mask is not its size."""
+    checked_tiles(tiles, camera)
+    return tiles.repeat(TILE, axis=0).repeat(TILE, axis=1)[: camera.height, : camera.width]

@@ -248,7 +248,7 @@ class _LabelNumbers:
         ]
         return np.array(numbers, np.int32)[place].reshape(category.shape)
 
-    def pairs(self) -> Int32[np.ndarray, "L+1 2"]:
+    def pairs(self) -> Int32[np.ndarray, "n 2"]:
         """Return category and instance of each number, after a row of -1 for no label."""
         return np.array([(UNLABELLED, UNLABELLED), *self._numbers], np.int32)
 

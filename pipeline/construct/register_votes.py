@@ -138,9 +138,9 @@ class VoteSums:
         return sum(len(run) for run in self._runs)
 
     def _forget(self) -> None:
-        """Keep half as many pairs as there is room for: those that weigh most within their Gaussian."""
+        """Keep three quarters of the pairs there is room for: those that weigh most within their Gaussian."""
         whole = self.total()
-        keep = max(1, self._cap // 2)
+        keep = max(1, 3 * self._cap // 4)
         if len(whole) <= keep:
             return
         gaussians = whole.gaussians

@@ -78,8 +78,7 @@ def adam_step(
         threads: Threads; no number of them changes a result.
     """
     shown = torch.ones(len(ids), dtype=torch.bool, device=ids.device) if shown is None else shown
-    tables = [table.reshape(len(table), -1) for table in (values, first, second)]
-    flat = gradient.reshape(len(ids), -1)
+    *tables, flat = (_flat(table) for table in (values, first, second, gradient))
     if flat.device.type == "cpu":
         _compiled_step(tables, updates, ids, flat, rates, shown, beta2, threads)
     else:
@@ -96,6 +95,11 @@ def torch_step(
     mean[ids] = m = BETA1 * mean[ids] + (1.0 - BETA1) * flat
     square[ids] = s = beta2 * square[ids] + (1.0 - beta2) * flat**2
     parameters[ids] -= rates * (m / (1.0 - BETA1**done)) / ((s / (1.0 - beta2**done)).sqrt() + EPSILON)
+
+
+def _flat(table: Tensor) -> Tensor:
+    """Return a row's numbers side by side; with no rows, too, which `reshape` cannot."""
+    return table.flatten(1) if table.ndim > 1 else table[:, None]
 
 
 def _compiled_step(

@@ -31,7 +31,7 @@ from pipeline.construct.train_views import TrainViews, extent_of
 from pipeline.scene import Gaussians
 from pipeline.scene.captures import Frame
 from pipeline.scene.gaussians import SH_COUNTS
-from schemas.errors import StoppedError
+from schemas.errors import InputError, StoppedError
 
 TILE = 16
 """Side of the tiles that are skipped, pixels: the rasteriser's."""
@@ -71,9 +71,11 @@ def train(
         held_out: Frames that are looked at, never fitted.
 
     Raises:
-        InputError: There is no frame, one cannot be read, or the checkpoint is damaged or another run's.
+        InputError: There is no Gaussian or no frame, a frame cannot be read, or the checkpoint is damaged or another run's.
         StoppedError: `stop` said so.
     """
+    if len(start) == 0:
+        raise InputError("training", field="start", expected="at least one Gaussian", found="none")
     trainer = _Trainer(start, frames, config or TrainConfig(), checkpoint, held_out)
     while not trainer.done:
         if stop is not None and stop():

@@ -111,7 +111,7 @@ def depth_errors(depth_m: Float[np.ndarray, "H W"], measured_m: Float[np.ndarray
         InputError: The sizes differ.
     """
     if depth_m.shape != measured_m.shape:
-        raise InputError("depth", field="size", expected=measured_m.shape, found=depth_m.shape)
+        raise InputError("depth", field="size", expected=str(measured_m.shape), found=depth_m.shape)
     measured = measured_m > 0
     both = measured & (depth_m > 0)
     compared, total = int(both.sum()), int(measured.sum())
@@ -139,5 +139,5 @@ def _unit(image: Image) -> Float[np.ndarray, "H W 3"]:
 
 def _same_size(image: Image, reference: Reference) -> Image:
     if image.shape != reference.shape:
-        raise InputError("image", field="size", expected=reference.shape, found=image.shape)
+        raise InputError("image", field="size", expected=str(reference.shape), found=image.shape)
     return reference

@@ -27,10 +27,12 @@ from pipeline.render.simd_kernels import (
 )
 
 LOG2_E = np.float32(np.log2(np.e))
-LARGEST_LOG2 = np.float32(30.0)
-"""Standard deviations are cut at about 1e9 m, as in `prepare`."""
-SMALLEST_LOG2 = np.float32(-126.0)
-"""2 to a lower power is taken as 0."""
+LOG2_E_REST = np.float32(np.log2(np.e) - np.float64(LOG2_E))
+"""What float32 leaves of log2 e: with it the exponent's fraction is as fine as float32 gets, however large x is."""
+LARGEST_LOG = np.float32(np.log(1e9))
+"""Standard deviations are cut at 1e9 m, as in `prepare`."""
+SMALLEST_LOG = np.float32(-87.0)
+"""e to a lower power is taken as 0."""
 
 # 2^x for x in [-1/2, 1/2]: Taylor's terms, ln(2)^k / k!, which leave 4e-9 there.
 P1, P2, P3, P4, P5, P6, P7 = (
@@ -48,16 +50,17 @@ P1, P2, P3, P4, P5, P6, P7 = (
 
 
 @njit(error_model="numpy")
-def exp2_lanes(x):
-    """Return 2^x; 0 below 2^-126. Lanes must not exceed 127."""
+def exp_lanes(x):
+    """Return e^x; 0 below e^-87. Lanes must not exceed 87."""
     zero, half = splat(np.float32(0.0)), splat(np.float32(0.5))
-    kept = larger(x, splat(SMALLEST_LOG2))
-    whole = truncate(kept + select(kept < zero, -half, half))
-    f = fma(kept, splat(np.float32(1.0)), -to_floats(whole))
+    kept = larger(x, splat(SMALLEST_LOG))
+    y = kept * splat(LOG2_E)
+    whole = truncate(y + select(y < zero, -half, half))
+    f = fma(kept, splat(LOG2_E_REST), fma(kept, splat(LOG2_E), -to_floats(whole)))
     p = fma(f, splat(P7), splat(P6))
     p = fma(f, fma(f, fma(f, p, splat(P5)), splat(P4)), splat(P3))
     p = fma(f, fma(f, fma(f, p, splat(P2)), splat(P1)), splat(np.float32(1.0)))
-    return select(x >= splat(SMALLEST_LOG2), p * power_of_two(whole), zero)
+    return select(x >= splat(SMALLEST_LOG), p * power_of_two(whole), zero)
 
 
 @njit(error_model="numpy")
@@ -65,7 +68,7 @@ def log2_sigmoid_lanes(logits):
     """Return log2 of the opacities: min(y, 0) - log2(1 + 2^-|y|) with y in powers of two, by the series of artanh."""
     zero, two = splat(np.float32(0.0)), splat(np.float32(2.0))
     y = logits * splat(LOG2_E)
-    e = exp2_lanes(minus_magnitude(y))
+    e = exp_lanes(minus_magnitude(logits))
     s = e / (two + e)
     ss = s * s
     p = fma(ss, splat(np.float32(1 / 15)), splat(np.float32(1 / 13)))
@@ -120,8 +123,7 @@ def activate(means, quats, log_scales, opacity_logits, blocks, first, last, geom
     count = opacity_logits.size
     at3, at4, at1 = np.empty(8, np.int64), np.empty(8, np.int64), np.empty(8, np.int64)
     one, two = splat(np.float32(1.0)), splat(np.float32(2.0))
-    to_log2, largest = splat(LOG2_E), splat(LARGEST_LOG2)
-    nothing = splat(np.float32(-np.inf))
+    largest, nothing = splat(LARGEST_LOG), splat(np.float32(-np.inf))
     for number in range(first, last):
         block = np.int64(blocks[number])
         for group in range(block * 16, block * 16 + 16):
@@ -133,9 +135,9 @@ def activate(means, quats, log_scales, opacity_logits, blocks, first, last, geom
             store(geometry, g + 8, gather(means, at3, 1))
             store(geometry, g + 16, gather(means, at3, 2))
             w, x, y, z, _, usable = unit_quats(quats, at4)
-            s0 = exp2_lanes(smaller(gather(log_scales, at3, 0) * to_log2, largest))
-            s1 = exp2_lanes(smaller(gather(log_scales, at3, 1) * to_log2, largest))
-            s2 = exp2_lanes(smaller(gather(log_scales, at3, 2) * to_log2, largest))
+            s0 = exp_lanes(smaller(gather(log_scales, at3, 0), largest))
+            s1 = exp_lanes(smaller(gather(log_scales, at3, 1), largest))
+            s2 = exp_lanes(smaller(gather(log_scales, at3, 2), largest))
             store(geometry, g + 24, s0 * fma(-two, fma(y, y, z * z), one))
             store(geometry, g + 32, s0 * (two * fma(x, y, w * z)))
             store(geometry, g + 40, s0 * (two * fma(x, z, -(w * y))))

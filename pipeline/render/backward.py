@@ -133,7 +133,12 @@ class Drawing:
             depth: See `color`; may be given only if the drawing has it. Likewise the next.
             inverse_depth: See `color`.
             tiles: Tiles of 16 x 16 pixels whose gradient counts; None for all. Tiles without any are skipped anyway.
+
+        Raises:
+            ValueError: The drawing was released.
         """
+        if not self._lent:
+            raise ValueError("this drawing was released: its memory may hold another one's numbers")
         clock = Clock(FrameStatistics(milliseconds=self.milliseconds), self._threads)
         window = Window.of(self._camera)
         wanted = np.ones(window.rows * window.columns, bool) if tiles is None else np.ascontiguousarray(tiles).ravel()

@@ -71,7 +71,7 @@ SUMS = 16
 """Floats in a row of sums, one cache line: those of H to B, and six that stay 0."""
 H, HM, HN, HMM, HMN, HNN, Z, R, G, B = range(10)
 NEVER = np.float32(np.inf)
-"""Place of the stopping record of a pixel that no record stopped."""
+"""Place of the stopping record of a pixel that none stopped. Places are float32: a tile lists up to 2^24 records."""
 # Floats per block on the way back: T, S, six gradients, place of the stopping record, columns and rows of the pixels.
 BACK = 88
 GRADIENTS, STOP, PIXELS = 16, 64, 72

@@ -19,7 +19,7 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.cached_kernels import kernel
-from pipeline.render.activate_backward_kernels import exp2_lanes, unit_quats
+from pipeline.render.activate_backward_kernels import exp_lanes, unit_quats
 from pipeline.render.blend_backward_kernels import HM, HMM, HMN, HN, HNN, SUMS, B, G, H, R, Z
 from pipeline.render.project_kernels import BLUE, GREEN, LOG2_OPACITY, MU, MV, NV, RECORD, RED
 from pipeline.render.sh_backward_kernels import pull_back_coefficients, pull_back_direction, write_coefficients
@@ -40,6 +40,7 @@ from pipeline.render.simd_kernels import (
     widen,
 )
 
+LN_2 = np.float32(np.log(2.0))
 TWO_LN_2 = np.float32(2.0 * np.log(2.0))
 """1 / SCALE^2 of project_kernels."""
 
@@ -169,7 +170,7 @@ def pull_back(
         store(out, 0, d0)
         store(out, 8, d1)
         store(out, 16, d2)
-        opacity = exp2_lanes(gather(records, at_row, LOG2_OPACITY))
+        opacity = exp_lanes(gather(records, at_row, LOG2_OPACITY) * splat(LN_2))
         store(out, 80, gather(total, at_total, H) * (one - opacity))
         du, dv = du * splat(half_size[0]), dv * splat(half_size[1])
         store(out, 88, square_root(fma(du, du, dv * dv)))

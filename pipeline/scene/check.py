@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TypeVar
@@ -14,11 +15,11 @@ from pipeline.scene.formats import GaussiansFile, read_gaussians
 from pipeline.scene.gaussians import Gaussians
 from pipeline.scene.load import load_objects, load_semantics, read_views, unit_notes
 from pipeline.scene.objects import SceneObject
-from pipeline.scene.scene_file import METRES, OBJECTS, SceneParts, find_parts
+from pipeline.scene.scene_file import BUILD, METRES, OBJECTS, SceneParts, find_parts
 from pipeline.scene.semantics import UNLABELLED, Semantics
 from pipeline.scene.views import View
 from schemas.errors import InputError
-from schemas.storage import name_of
+from schemas.storage import exists, join, name_of, read_bytes
 
 T = TypeVar("T")
 
@@ -76,6 +77,8 @@ class SceneReport:
     """Ground-truth instances."""
     objects: int = 0
     """Objects in objects.json."""
+    origin: str = ""
+    """What the scene was built from and how well; empty where its folder does not say."""
     missing: tuple[str, ...] = ()
     """Parts that are absent and what that costs."""
     warnings: tuple[str, ...] = ()
@@ -91,6 +94,8 @@ class SceneReport:
     def lines(self) -> tuple[str, ...]:
         """Return the report as lines of text."""
         out = [f"scene {self.name}: {'usable' if self.usable else 'NOT USABLE'} ({self.uri})"]
+        if self.origin:
+            out.append(f"built from: {self.origin}")
         if self.format:
             out.append(f"gaussians: {self.gaussians:,} ({self.format}, SH degree {self.sh_degree})")
             out += [f"dropped: {count:,}: {reason}" for reason, count in self.dropped.items()]
@@ -143,7 +148,8 @@ def check_scene(uri: str) -> SceneReport:
         if views is not None:
             warnings += _view_warnings(splats.gaussians, views.views, np.array(parts.file.up))
     warnings += _object_warnings(objects, semantics)
-    return _report(uri, parts, splats, views, semantics, objects, tuple(warnings), tuple(errors))
+    origin = _tried(warnings, lambda: _origin(uri)) or ""
+    return _report(uri, parts, splats, views, semantics, objects, origin, tuple(warnings), tuple(errors))
 
 
 def _report(
@@ -153,6 +159,7 @@ def _report(
     views: ViewsFile | None,
     semantics: Semantics,
     objects: tuple[SceneObject, ...],
+    origin: str,
     warnings: tuple[str, ...],
     errors: tuple[str, ...],
 ) -> SceneReport:
@@ -179,6 +186,7 @@ def _report(
         embedding_size=semantics.embedding.shape[1] if semantics.embedding is not None else 0,
         instances=len(np.unique(instance[instance >= 0])) if instance is not None else 0,
         objects=len(objects),
+        origin=origin,
         missing=_missing(parts, found, semantics),
         warnings=warnings,
         errors=errors,
@@ -192,6 +200,25 @@ def _tried(errors: list[str], part: Callable[[], T]) -> T | None:
     except InputError as error:
         errors.append(str(error))
         return None
+
+
+def _origin(uri: str) -> str:
+    """Return what a scene was built from, in words; empty where its folder does not say.
+
+    Raises:
+        InputError: build.json is damaged.
+    """
+    place = join(uri, BUILD)
+    if not exists(place):
+        return ""
+    try:
+        found = json.loads(read_bytes(place))
+        told = f"{found['capture']}, {found['fitted']} frames fitted, {found['steps']} steps"
+        if found["psnr"] is not None:
+            told += f"; {found['held_out']} frames held out: PSNR {found['psnr']:.2f} dB, SSIM {found['ssim']:.3f}"
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(place, expected="what a build wrote", found=f"{type(error).__name__}: {error}") from error
+    return told
 
 
 def _opacities(gaussians: Gaussians) -> Float[np.ndarray, "M"]:

@@ -56,6 +56,16 @@ class Semantics:
                 return len(array)
         return 0
 
+    @property
+    def labelled_share(self) -> float:
+        """Share of Gaussians with a category or an embedding, 0 to 1."""
+        known = np.zeros(len(self), bool)
+        if self.category is not None:
+            known |= self.category != UNLABELLED
+        if self.embedding is not None:
+            known |= (self.embedding != 0).any(axis=1)
+        return float(known.mean()) if len(known) else 0.0
+
     def present(self) -> tuple[str, ...]:
         """Return the sorted names of categories that at least one Gaussian carries."""
         if self.category is None:

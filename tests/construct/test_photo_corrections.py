@@ -8,7 +8,8 @@ from tests.construct import tiny_capture
 
 torch = pytest.importorskip("torch")
 
-from pipeline.construct.photo_corrections import PhotoCorrections, moved, pose_gradient  # noqa: E402
+from pipeline.construct.camera_motion import moved  # noqa: E402
+from pipeline.construct.photo_corrections import PhotoCorrections, pose_gradient  # noqa: E402
 from pipeline.construct.rasterizer import rasterize_seen  # noqa: E402
 from pipeline.construct.train_config import TrainConfig  # noqa: E402
 from pipeline.construct.train_state import PARAMETERS, TrainState  # noqa: E402

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from pipeline.geometry import Camera, look_at
-from pipeline.render import render
+from pipeline.render import render, render_reference
 from pipeline.render.workspace import WORKSPACE
 from pipeline.scene.gaussians import Gaussians
 from schemas.errors import InputError
@@ -33,15 +34,24 @@ LARGEST_STEP_DIFFERENCE = 1e-6
 """Between float64's gradient and finite differences, as a share of the largest; both errors above with room."""
 
 OFF_CENTRE = Camera(
-    np.array([[60.0, 0, 12.0], [0, 45.0, 25.0], [0, 0, 1]]), look_at(np.array([2.5, 2, 1]), np.zeros(3), UP), 41, 29
+    np.array([[40.0, 0, 8.0], [0, 30.0, 17.0], [0, 0, 1]]), look_at(np.array([2.5, 2, 1]), np.zeros(3), UP), 29, 19
 )
 CAMERAS = {
-    "plain": camera(48, 32, focal=40.0),
-    "wide: many beyond the Jacobian's clamp": camera(33, 21, focal=7.0, eye=(1.5, 1.0, 0.5)),
-    "inside: many behind and beside": camera(40, 40, focal=30.0, eye=(0.2, 0.1, 0.0), target=(1.0, 0.5, 0.0)),
-    "telephoto": camera(37, 21, focal=300.0),
+    "plain": camera(33, 23, focal=28.0),
+    "wide: many beyond the Jacobian's clamp": camera(25, 17, focal=6.0, eye=(1.5, 1.0, 0.5)),
+    "inside: many behind and beside": camera(24, 24, focal=18.0, eye=(0.2, 0.1, 0.0), target=(1.0, 0.5, 0.0)),
+    "telephoto": camera(27, 17, focal=200.0),
     "principal point off the centre": OFF_CENTRE,
 }
+
+
+@pytest.fixture(autouse=True)
+def _one_thread() -> Iterator[None]:
+    """Tiny tensors: PyTorch's own threads would only wait for each other."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
 
 
 def parameters(scene: Gaussians, dtype=torch.float32) -> list[torch.Tensor]:
@@ -73,7 +83,7 @@ def our_gradients(scene: Gaussians, view: Camera, weights, names=OUTPUTS, **opti
 
 def assert_gradients_match(found: list[np.ndarray], truth: list[np.ndarray]) -> None:
     for name, ours, true in zip(NAMES, found, truth, strict=True):
-        ours, true = (a.reshape(len(a), -1).astype(np.float64) for a in (ours, true))
+        ours, true = (a.reshape(len(a), int(np.prod(a.shape[1:]))).astype(np.float64) for a in (ours, true))
         error, largest = np.abs(ours - true).max(axis=1, initial=0), np.abs(true).max(initial=0)
         assert error.max(initial=0) <= LARGEST_DIFFERENCE * largest, name
         own = np.maximum(np.abs(true).max(axis=1, initial=0), 1e-3 * largest)
@@ -81,7 +91,7 @@ def assert_gradients_match(found: list[np.ndarray], truth: list[np.ndarray]) -> 
 
 
 def mixed_scene(seed: int, degree: int = 3) -> Gaussians:
-    """Random Gaussians, some capped (opacity next to 1), some far smaller than a pixel, some next to 1/255, some flat."""
+    """Random Gaussians, some capped (opacity next to 1), some far smaller than a pixel, some next to 1/255, flat."""
     scene = random_scene(seed, 60, sh_degree=degree)
     logits, log_scales = scene.opacity_logits.copy(), scene.log_scales.copy()
     logits[:12], logits[12:20] = 7.0, -4.5
@@ -90,44 +100,50 @@ def mixed_scene(seed: int, degree: int = 3) -> Gaussians:
     return replace(scene, opacity_logits=logits, log_scales=log_scales)
 
 
+def steps_match(scene: Gaussians, view: Camera, output: str, seed: int) -> None:
+    """Hold autograd's slope along a random direction of each parameter to the difference of two images."""
+    weights, raw = image_weights(view), parameters(scene, torch.float64)
+    images = render_dense(*raw, view, background=BACKGROUND)
+    rng, names = np.random.default_rng(seed), OUTPUTS if output == "all" else (output,)
+    for k, name in enumerate(NAMES):
+        direction = torch.tensor(rng.normal(size=raw[k].shape))
+        with torch.no_grad():
+            ends = [
+                render_dense(
+                    *(p + step * direction if j == k else p for j, p in enumerate(raw)), view, background=BACKGROUND
+                )
+                for step in (STEP, -STEP)
+            ]
+        # A pixel where a contribution came or went has jumped: it has no finite difference.
+        assert all(torch.equal(end.ids, images.ids) for end in ends)
+        same = torch.stack([(end.contributions == images.contributions).all(0) for end in ends]).all(0)
+        assert same.double().mean() > 0.9
+        kept = {n: w * same.reshape(images.alpha.shape + (1,) * (w.ndim - 2)) for n, w in weights.items()}
+        slope = float(loss_of(ends[0], kept, names) - loss_of(ends[1], kept, names)) / (2 * STEP)
+        (gradient,) = torch.autograd.grad(
+            loss_of(images, kept, names), raw[k], retain_graph=True, materialize_grads=True
+        )
+        found, scale = float((gradient * direction).sum()), float(gradient.norm())
+        assert found == pytest.approx(slope, abs=LARGEST_STEP_DIFFERENCE * scale + 1e-9), name
+
+
 class TestReference:
     """The dense renderer's own gradient is right: autograd meets finite differences, all in float64."""
 
     @pytest.mark.parametrize("view", CAMERAS.values(), ids=CAMERAS.keys())
+    def test_autograd_equals_finite_differences_in_every_view(self, view: Camera) -> None:
+        steps_match(mixed_scene(1), view, "all", 2)
+
     @pytest.mark.parametrize("output", OUTPUTS)
-    def test_autograd_equals_finite_differences(self, view: Camera, output: str) -> None:
-        weights, raw = image_weights(view), parameters(mixed_scene(1), torch.float64)
-        images = render_dense(*raw, view, background=BACKGROUND)
-        found = torch.autograd.grad(loss_of(images, weights, (output,)), raw, materialize_grads=True)
-        rng = np.random.default_rng(2)
-        for k, (name, gradient) in enumerate(zip(NAMES, found, strict=True)):
-            slopes, steps = [], []
-            for _ in range(6):
-                direction = torch.tensor(rng.normal(size=raw[k].shape))
-                ends = []
-                for sign in (STEP, -STEP):
-                    moved = [p.detach() + sign * direction if j == k else p.detach() for j, p in enumerate(raw)]
-                    ends.append(render_dense(*moved, view, background=BACKGROUND))
-                same = torch.ones(images.color.shape[:2], dtype=torch.bool).reshape(-1)
-                for end in ends:
-                    # A pixel where a contribution came or went has jumped: it has no finite difference.
-                    if end.contributions.shape == images.contributions.shape and torch.equal(end.ids, images.ids):
-                        same &= (end.contributions == images.contributions).all(0)
-                    else:
-                        same &= False
-                if same.sum() < 0.9 * len(same):
-                    continue
-                kept = {output: weights[output] * same.reshape(images.alpha.shape + (1,) * (output == "color"))}
-                slopes.append(
-                    float((loss_of(ends[0], kept, (output,)) - loss_of(ends[1], kept, (output,))) / (2 * STEP))
-                )
-                slope = torch.autograd.grad(
-                    loss_of(render_dense(*raw, view, background=BACKGROUND), kept, (output,)), raw[k], allow_unused=True
-                )[0]
-                steps.append(0.0 if slope is None else float((slope * direction).sum()))
-            assert len(slopes) >= 2, name
-            scale = max(float(gradient.norm()), 1e-9)
-            np.testing.assert_allclose(slopes, steps, atol=LARGEST_STEP_DIFFERENCE * scale, err_msg=name)
+    def test_autograd_equals_finite_differences_of_every_image(self, output: str) -> None:
+        steps_match(mixed_scene(2), CAMERAS["plain"], output, 3)
+
+    def test_images_are_those_of_the_numpy_reference(self) -> None:
+        scene, view = random_scene(3, 200, sh_degree=3), CAMERAS["plain"]
+        found = render_dense(*parameters(scene, torch.float64), view, background=BACKGROUND)
+        truth = render_reference(scene, view, ("color", "depth", "alpha"), background=BACKGROUND)
+        np.testing.assert_allclose(found.color.detach(), truth.color, atol=1e-6)
+        np.testing.assert_allclose(found.depth.detach(), truth.depth * truth.alpha, atol=1e-5)
 
 
 class TestGradients:
@@ -171,15 +187,15 @@ class TestGradients:
                 largest = np.abs(slopes).max()
                 np.testing.assert_allclose(found[k].reshape(-1), slopes, atol=3e-5 * largest, err_msg=name)
 
-    @settings(max_examples=15, deadline=None)
-    @given(st.integers(0, 10**6), st.integers(1, 300), st.integers(1, 70), st.integers(1, 70), st.integers(0, 3))
+    @settings(max_examples=8, deadline=None)
+    @given(st.integers(0, 10**6), st.integers(1, 300), st.integers(1, 40), st.integers(1, 40), st.integers(0, 3))
     def test_any_scene(self, seed: int, count: int, width: int, height: int, degree: int) -> None:
         scene, view = random_scene(seed, count, sh_degree=degree), camera(width, height, focal=0.8 * width + 5)
         weights = image_weights(view, seed)
         images = render_dense(*parameters(scene, torch.float64), view)
         found = rasterize(*parameters(scene), view, outputs=("alpha",)).alpha
-        if (found.double() - images.alpha).abs().max() > 1e-5:
-            return  # a contribution next to 1/255 or a stop next to 1e-4 fell the other way in float32
+        # Left out: a contribution next to 1/255 or a stop next to 1e-4 that fell the other way in float32.
+        assume((found.double() - images.alpha).abs().max() < 1e-5)
         assert_gradients_match(our_gradients(scene, view, weights), true_gradients(scene, view, weights))
 
     def test_screen_norm_is_the_pull_at_projected_means(self) -> None:
@@ -300,7 +316,7 @@ class TestLaws:
     def test_moving_the_world_and_the_camera_together_changes_nothing(self) -> None:
         scene, far = random_scene(12, 200), np.array([4096.0, -8192.0, 2048.0])
         weights = image_weights(CAMERAS["plain"])
-        moved = camera(48, 32, focal=40.0, eye=far + [3, 2, 1], target=far)
+        moved = camera(33, 23, focal=28.0, eye=far + np.array([3, 2, 1]), target=far)
         means = (scene.means.astype(np.float64) + far).astype(np.float32)
         near = replace(scene, means=(means.astype(np.float64) - far).astype(np.float32))
         truth = our_gradients(near, CAMERAS["plain"], weights)
@@ -346,6 +362,14 @@ class TestEdgeCases:
         with pytest.raises(ValueError, match="given back"):
             _ = raster.radius_px
 
+    def test_parameters_changed_before_backward_are_noticed(self) -> None:
+        raw = parameters(random_scene(20, 10))
+        raster = rasterize(*raw, front_camera())
+        with torch.no_grad():
+            raw[0] += 1.0
+        with pytest.raises(RuntimeError, match="modified by an inplace operation"):
+            raster.color.sum().backward()
+
     def test_two_drawings_at_once_keep_their_own_memory(self) -> None:
         scene, view = random_scene(16, 300), CAMERAS["plain"]
         weights = image_weights(view)
@@ -363,7 +387,6 @@ class TestEdgeCases:
         ("field", "change"),
         [
             ("means", lambda raw: [raw[0].double(), *raw[1:]]),
-            ("quats", lambda raw: [raw[0], raw[1][:, :3], *raw[2:]]),
             ("sh", lambda raw: [*raw[:4], raw[4][:, :2]]),
         ],
     )
@@ -375,7 +398,7 @@ class TestEdgeCases:
     @pytest.mark.parametrize(
         "options",
         [{"sh_degree": 2}, {"near": -1.0}, {"outputs": ("colour",)}, {"outputs": ()}, {"outputs": "color"},
-         {"tiles": np.ones((2, 2), bool)}, {"tiles": np.ones((3, 3))}, {"threads": 0}],
+         {"tiles": np.ones((2, 2), bool)}, {"threads": 0}],
     )  # fmt: skip
     def test_arguments_are_checked(self, options: dict) -> None:
         with pytest.raises(InputError, match=next(iter(options))):

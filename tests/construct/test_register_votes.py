@@ -59,7 +59,7 @@ def test_winners_are_those_of_a_search(pairs: dict[tuple[int, int], float], sile
 
 
 def test_bound_keeps_each_gaussians_heaviest_labels_and_says_what_is_lost() -> None:
-    sums = VoteSums(8)
+    sums = VoteSums(6)
     sums.add(votes({(g, label): 10.0 if label == 0 else 0.5 for g in range(4) for label in range(3)}))
     kept = as_pairs(sums.total())
     assert kept == {(g, 0): 10.0 for g in range(4)}

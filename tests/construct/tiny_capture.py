@@ -38,18 +38,20 @@ def truth(count: int = COUNT, seed: int = 0) -> Gaussians:
     )
 
 
-def cameras(count: int) -> list[Camera]:
+def cameras(count: int, width: int = WIDTH, height: int = HEIGHT) -> list[Camera]:
     """An arc 3 m away."""
-    K = np.array([[40.0, 0, WIDTH / 2], [0, 40.0, HEIGHT / 2], [0, 0, 1]])
+    K = np.array([[width, 0, width / 2], [0, width, height / 2], [0, 0, 1]], float)
     angles = np.linspace(-0.6, 0.6, count)
     eyes = [np.array([3 * np.sin(a), 0.4 * np.cos(3 * a), -3 * np.cos(a)]) for a in angles]
-    return [Camera(K, look_at(eye, np.zeros(3), np.array([0, -1.0, 0])), WIDTH, HEIGHT) for eye in eyes]
+    return [Camera(K, look_at(eye, np.zeros(3), np.array([0, -1.0, 0])), width, height) for eye in eyes]
 
 
-def frames(gaussians: Gaussians, count: int = 6, *, with_depth: bool = True) -> list[Frame]:
+def frames(
+    gaussians: Gaussians, count: int = 6, *, with_depth: bool = True, width: int = WIDTH, height: int = HEIGHT
+) -> list[Frame]:
     """Photographs, and depth where something is seen."""
     made = []
-    for k, camera in enumerate(cameras(count)):
+    for k, camera in enumerate(cameras(count, width, height)):
         rendering = render(gaussians, camera, ("color", "depth", "alpha"))
         depth_m = np.where(rendering.alpha > 0.5, rendering.depth, np.float32(0))
         made.append(Frame(f"{k:03d}", camera, Held(color_image(rendering)), Held(depth_m) if with_depth else None))

@@ -45,17 +45,48 @@ def render_dense(
     near: float = 0.2,
 ) -> Images:
     """Return the images of one view; the arguments are those of `rasterize`, in any floating dtype."""
+    center = _center(camera, means.dtype)
+    blended = blend_dense(means, quats, log_scales.exp(), torch.sigmoid(opacity_logits), camera, near=near)
+    degree = int(np.sqrt(sh.shape[1])) - 1 if sh_degree is None else sh_degree
+    colors = torch.clamp(harmonics_dense(degree, means[blended.ids] - center, sh[blended.ids]) + 0.5, min=0)
+    weights, size = blended.weights, (camera.height, camera.width)
+    remaining = 1 - weights.sum(0)
+    color = weights.T @ colors + remaining[:, None] * torch.tensor(background, dtype=means.dtype)
+    return Images(
+        color=color.reshape(*size, 3),
+        alpha=weights.sum(0).reshape(size),
+        depth=(weights * blended.depths[:, None]).sum(0).reshape(size),
+        inverse_depth=(weights / blended.depths[:, None]).sum(0).reshape(size),
+        contributions=weights > 0,
+        means_px=blended.means_px,
+        ids=blended.ids,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Blended:
+    """Who weighs how much where; Gaussians in compositing order."""
+
+    ids: Tensor
+    weights: Tensor
+    """Gaussian x pixel."""
+    means_px: Tensor
+    depths: Tensor
+
+
+def blend_dense(
+    means: Tensor, quats: Tensor, scales: Tensor, opacities: Tensor, camera: Camera, *, near: float
+) -> Blended:
+    """Return the weights of activated Gaussians at every pixel."""
     dtype = means.dtype
     pose, K = (torch.tensor(np.array(a), dtype=dtype) for a in (camera.world_to_camera, camera.K))
-    rotation = pose[:, :3]
-    center = -torch.linalg.solve(rotation, pose[:, 3])
+    rotation, center = pose[:, :3], _center(camera, dtype)
     # As the rasteriser: depths are compared as float32.
     with torch.no_grad():
         depths32 = ((means - center) @ rotation.T)[:, 2].to(torch.float32)
         order = torch.argsort(depths32, stable=True)
         ids = order[depths32[order] > np.float32(near)]
-    offsets = means[ids] - center
-    x, y, z = (offsets @ rotation.T).unbind(-1)
+    x, y, z = ((means[ids] - center) @ rotation.T).unbind(-1)
     fx, fy, cx, cy = K[0, 0], K[1, 1], K[0, 2], K[1, 2]
     means_px = torch.stack([fx * x / z + cx, fy * y / z + cy], -1)
 
@@ -67,8 +98,7 @@ def render_dense(
     jacobian = torch.stack(
         [torch.stack([fx / z, nothing, -fx * side_x / z], -1), torch.stack([nothing, fy / z, -fy * side_y / z], -1)], -2
     )
-    axes = _rotations(quats[ids]) * log_scales[ids].exp()[:, None, :]
-    flat = jacobian @ rotation @ axes
+    flat = jacobian @ rotation @ (_rotations(quats[ids]) * scales[ids][:, None, :])
     covariance = flat @ flat.mT + 0.3 * torch.eye(2, dtype=dtype)
     (a, b), (_, c) = (row.unbind(-1) for row in covariance.unbind(-2))
     determinant = a * c - b * b
@@ -79,31 +109,21 @@ def render_dense(
     dx = pixel_x.reshape(1, -1) - means_px[:, :1]
     dy = pixel_y.reshape(1, -1) - means_px[:, 1:]
     q = (c[:, None] * dx**2 - 2 * b[:, None] * dx * dy + a[:, None] * dy**2) / determinant[:, None]
-    uncut = torch.sigmoid(opacity_logits[ids])[:, None] * torch.exp(-q / 2)
+    uncut = opacities[ids][:, None] * torch.exp(-q / 2)
     alpha = torch.clamp(uncut, max=float(np.float32(0.99)))
     alpha = torch.where(uncut >= float(np.float32(1 / 255)), alpha, torch.zeros_like(alpha))
     with torch.no_grad():
         # Transmittance only falls: the first contribution that would leave too little ends the pixel, and is not added.
-        left = torch.cumprod(1 - alpha, dim=0)
-        alive = left >= float(np.float32(1e-4))
+        alive = torch.cumprod(1 - alpha, dim=0) >= float(np.float32(1e-4))
     alpha = torch.where(alive, alpha, torch.zeros_like(alpha))
     through = torch.cumprod(1 - alpha, dim=0)
-    before = torch.cat([torch.ones_like(through[:1]), through[:-1]])
-    weights = alpha * before
-    remaining = 1 - weights.sum(0)
+    before = torch.cat([torch.ones_like(through[:1]), through])[:-1]
+    return Blended(ids, alpha * before, means_px, z)
 
-    colors = _colors(offsets, sh[ids], int(np.sqrt(sh.shape[1])) - 1 if sh_degree is None else sh_degree)
-    size = (camera.height, camera.width)
-    color = weights.T @ colors + remaining[:, None] * torch.tensor(background, dtype=dtype)
-    return Images(
-        color=color.reshape(*size, 3),
-        alpha=weights.sum(0).reshape(size),
-        depth=(weights * z[:, None]).sum(0).reshape(size),
-        inverse_depth=(weights / z[:, None]).sum(0).reshape(size),
-        contributions=alpha > 0,
-        means_px=means_px,
-        ids=ids,
-    )
+
+def _center(camera: Camera, dtype: torch.dtype) -> Tensor:
+    pose = torch.tensor(np.array(camera.world_to_camera), dtype=dtype)
+    return -torch.linalg.solve(pose[:, :3], pose[:, 3])
 
 
 def _rotations(quats: Tensor) -> Tensor:
@@ -117,8 +137,8 @@ def _rotations(quats: Tensor) -> Tensor:
     return torch.stack(columns, -1)
 
 
-def _colors(offsets: Tensor, sh: Tensor, degree: int) -> Tensor:
-    """max(0, 0.5 + sum of harmonics along the ray): harmonics from their constants, not from polynomial tables."""
+def harmonics_dense(degree: int, offsets: Tensor, sh: Tensor) -> Tensor:
+    """Sum of harmonics along the ray, their factors from their definitions and not from a table."""
     x, y, z = (offsets / offsets.norm(dim=1, keepdim=True)).unbind(-1)
     pi, one = np.pi, torch.ones_like(x)
     harmonics = [one * np.sqrt(1 / (4 * pi))]
@@ -145,4 +165,4 @@ def _colors(offsets: Tensor, sh: Tensor, degree: int) -> Tensor:
             -k3 * x * (x**2 - 3 * y**2),
         ]
     basis = torch.stack(harmonics, -1)
-    return torch.clamp(torch.einsum("nk,nkc->nc", basis, sh[:, : basis.shape[1]]) + 0.5, min=0)
+    return torch.einsum("nk,nkc->nc", basis, sh[:, : basis.shape[1]])

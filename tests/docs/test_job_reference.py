@@ -1,4 +1,4 @@
-"""docs/job.md says what the code accepts."""
+"""docs/job.md and docs/build_job.md say what the code accepts."""
 
 from __future__ import annotations
 
@@ -15,3 +15,5 @@ def test_job_reference_is_the_generated_one() -> None:
     generate = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(generate)
     assert (DOCS / "job.md").read_text() == generate.job_reference(), "run: python docs/generate.py"
+    built = generate.job_reference(generate.BuildJob, generate.BUILD_HEAD)
+    assert (DOCS / "build_job.md").read_text() == built, "run: python docs/generate.py"

@@ -210,6 +210,17 @@ def test_a_build_run_is_no_run_of_answers_and_the_other_way_round(make_job: Make
         resume_build(job.output)
 
 
+def test_runs_that_share_a_working_folder_leave_each_other_alone(make_job: MakeJob, tmp_path: Path) -> None:
+    shared = tmp_path / "shared"
+    other = shared / "another-run" / "unit" / "checkpoint"
+    other.parent.mkdir(parents=True)
+    other.touch()
+    job = make_job(["a", "lost"], working=str(shared))
+    assert submit_build(job, build=fake_build).driven.complete
+    assert [path for path in shared.rglob("*") if path.is_file()] == [other]
+    assert run_status(job.output).at_work == ()
+
+
 def test_moved_run_goes_on_where_it_lies(make_job: MakeJob, tmp_path: Path) -> None:
     job = make_job(["a", "bug"], scenes=str(tmp_path / "scenes"))
     submit_build(job, build=fake_build)

@@ -96,8 +96,8 @@ def test_an_exhausted_quota_stops_at_once(server: LLMock, tmp_path: Path) -> Non
 
 
 def test_a_real_quota_is_met_without_a_storm(server: LLMock, tmp_path: Path) -> None:
-    server.limits(rpm=600)  # refills ten a second; the bucket begins full
-    count = 620
+    server.limits(rpm=300)  # refills five a second; the bucket begins full
+    count = 310
     asked = run(ask_many(tmp_path, server.base_url(), count, concurrency=16))
     assert len(asked) == count
     server.assert_resilient(strict=True)

@@ -77,7 +77,7 @@ def test_bounds_hold_whatever_was_rendered_and_end_exact(seed: int, count: int, 
     assert target.prospect(0).most == amount
 
 
-@pytest.mark.parametrize(("seed", "rooms"), [(1, 1), (3, 4)])
+@pytest.mark.parametrize(("seed", "rooms"), [(1, 1), pytest.param(3, 4, marks=pytest.mark.slow)])
 def test_search_equals_full_evaluation_in_apartments(seed: int, rooms: int) -> None:
     scene = build_apartment(seed, rooms=rooms, gaussians=5_000 * rooms, views=24, width=160, height=120).scene
     gaussians, cameras = prepare(scene.gaussians), [view.camera for view in scene.views]

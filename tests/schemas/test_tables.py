@@ -8,13 +8,14 @@ from typing import Any, Literal, Union
 import pytest
 
 from schemas.answers import ANSWERS, ARMS, ArmRow
+from schemas.build_plan import BUILD_PLAN
 from schemas.errors import InputError
 from schemas.plan import PLAN
 from schemas.table import TableSpec
-from schemas.tables import SAME_EVERY_RUN, TABLES, table_spec
+from schemas.tables import ALL_TABLES, SAME_EVERY_RUN, TABLES, table_spec
 from tests.workers.fake_steps import answer, arm, unit
 
-EVERY = [*TABLES.values(), PLAN]
+EVERY = [*ALL_TABLES.values(), PLAN, BUILD_PLAN]
 QUESTION = unit(0, ["q"]).questions[0]
 
 

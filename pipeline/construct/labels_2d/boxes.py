@@ -9,16 +9,22 @@ import numpy as np
 from jaxtyping import Bool, Float32, Shaped
 
 from pipeline.construct.labels_2d.source import FrameLabels
+from pipeline.construct.labels_2d.surroundings import surroundings
 from pipeline.scene.semantics import UNLABELLED
 
 CORE = 0.5
-"""Middle part of a box, along each side, whose median depth is taken for the thing's."""
+"""Middle part of a box, along each side, where the thing shows."""
+NEARER = 35
+"""Percentile of the core's depth taken for the thing's: through things with gaps one sees what is behind."""
 STEP = 0.03
 """Jump of depth between neighbouring pixels, as a share of depth, over which a surface is not the same one..."""
 LEAST_STEP_M = 0.03
 """... and the least such jump: depth cameras jitter by a centimetre or two."""
 DEEP = 0.75
 """A thing reaches so far before and behind its middle, as a share of the longer side of its box, in metres there."""
+
+LEFT = 0.4
+"""Share of the thing's core that has to be left without the planes around it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,24 +65,31 @@ def paint(
         elif depth_m is None:
             mask = np.ones((rows.stop - rows.start, columns.stop - columns.start), bool)
         else:
-            mask = thing_in_box(depth_m[rows, columns], focal_px)
+            mask = thing_in_box(depth_m, rows, columns, focal_px)
         category[rows, columns][mask] = one.category
         confidence[rows, columns][mask] = one.confidence
     return FrameLabels(category, confidence)
 
 
-def thing_in_box(depth_m: Float32[np.ndarray, "h w"], focal_px: float) -> Bool[np.ndarray, "h w"]:
+def thing_in_box(
+    depth_m: Float32[np.ndarray, "H W"], rows: slice, columns: slice, focal_px: float
+) -> Bool[np.ndarray, "h w"]:
     """Return which pixels of a box belong to the thing in its middle, by depth.
 
     The thing is the surface without jumps of depth that holds most of the box's core, as far as things of that size
-    are deep. Boxes without depth in their core come back whole.
+    are deep. Planes that run on beyond the box, floor and walls, are left out, unless that takes most of the thing: a
+    table larger than its box is no floor. Boxes without depth in their core come back whole.
 
     Args:
-        depth_m: z-depth inside the box, 0 where there is none.
+        depth_m: z-depth of the whole image, 0 where there is none.
+        rows: The box's rows, inside the image.
+        columns: The box's columns.
         focal_px: Focal length of the camera.
     """
     from scipy.ndimage import label
 
+    around = surroundings(depth_m, rows, columns)
+    depth_m = depth_m[rows, columns]
     height, width = depth_m.shape
     top, left = int(height * (1 - CORE) / 2), int(width * (1 - CORE) / 2)
     core = np.zeros(depth_m.shape, bool)
@@ -84,9 +97,11 @@ def thing_in_box(depth_m: Float32[np.ndarray, "h w"], focal_px: float) -> Bool[n
     seen = depth_m > 0
     if not (core & seen).any():
         return np.ones(depth_m.shape, bool)
-    middle = float(np.median(depth_m[core & seen]))
+    middle = float(np.percentile(depth_m[core & seen], NEARER, method="lower"))
     reach = DEEP * max(height, width) * middle / focal_px
     near = seen & (np.abs(depth_m - middle) <= reach)
+    if (core & near & ~around).sum() >= LEFT * (core & near).sum():
+        near &= ~around
     parts, count = label(near & ~_edges(depth_m))
     if not count:
         return near

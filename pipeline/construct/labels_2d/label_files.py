@@ -82,14 +82,16 @@ class LabelFiles:
             ids = read_ids(uri)
             if ids.shape != category.shape:
                 raise InputError(uri, expected=f"the size {category.shape} of the categories", found=ids.shape)
-            instance = np.where(np.isin(ids, self._config.nothing) | (ids < 0), UNLABELLED, ids).astype(np.int32)
+            silent = np.isin(ids, self._config.nothing) | (ids < 0)
+            instance = np.where(silent, UNLABELLED, ids.astype(np.int32)).astype(np.int32)
         return FrameLabels(category, None, instance)
 
     def _uri(self, pattern: str, frame: Frame) -> str:
         return storage.join(self._folder, pattern.replace("{frame}", frame.name))
 
     def _named(self, uri: str) -> Int32[np.ndarray, "H W"]:
-        found, place = np.unique(read_ids(uri), return_inverse=True)
+        ids = read_ids(uri)
+        found, place = np.unique(ids, return_inverse=True)
         numbers = []
         for one in found.tolist():
             if one in self._config.nothing or one < 0:
@@ -98,8 +100,7 @@ class LabelFiles:
                 numbers.append(self.vocabulary.index(self._by_id[one]))
             else:
                 raise InputError(uri, field=f"id {one}", expected=f"a name in {self._config.names}", found="none")
-        height, width = place.shape if place.ndim == 2 else read_ids(uri).shape
-        return np.array(numbers, np.int32)[place].reshape(height, width)
+        return np.array(numbers, np.int32)[place].reshape(ids.shape)
 
 
 def read_ids(uri: str) -> Integer[np.ndarray, "H W"]:
@@ -130,9 +131,10 @@ def _read_names(uri: str) -> dict[int, str]:
     expected = "a JSON list of names by id, or an object from id to name"
     try:
         loaded = json.loads(storage.read_bytes(uri))
-        pairs = list(loaded.items()) if isinstance(loaded, dict) else list(enumerate(loaded))
-        names = {int(key): name for key, name in pairs}
-    except (ValueError, TypeError) as error:
+        if not isinstance(loaded, dict | list):
+            raise InputError(uri, expected=expected, found=type(loaded).__name__)
+        names = {int(key): name for key, name in (loaded.items() if isinstance(loaded, dict) else enumerate(loaded))}
+    except ValueError as error:
         raise InputError(uri, expected=expected, found=str(error)) from error
     if not names or not all(isinstance(name, str) and name for name in names.values()):
         raise InputError(uri, expected=expected, found="an empty name, none, or no text")

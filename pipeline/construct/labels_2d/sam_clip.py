@@ -122,7 +122,9 @@ def thinned(
 ) -> Int32[np.ndarray, "k"]:
     """Return the masks to keep, best first: none overlaps a better one by more than an IoU of `overlap`."""
     order = np.argsort(-quality, kind="stable")
-    step = max(1, int(np.sqrt(masks[0].size / COMPARED))) if len(masks) else 1
+    if not len(masks):
+        return np.zeros(0, np.int32)
+    step = max(1, int(np.sqrt(masks[0].size / COMPARED)))
     flat = masks[:, step // 2 :: step, step // 2 :: step].reshape(len(masks), -1).astype(np.float32)
     shared = flat @ flat.T
     areas = np.diag(shared)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,7 @@ def checkpoint(path: Path, features: Any) -> str:
 def autoencoder(path: Path, sizes: tuple[int, ...] = (3, 8, 16), **extra: Any) -> str:
     torch.manual_seed(0)
     state = {"encoder.0.weight": torch.zeros(8, 16), "encoder.0.bias": torch.zeros(8)}
-    for k, (i, o) in enumerate(zip(sizes, sizes[1:], strict=False)):
+    for k, (i, o) in enumerate(pairwise(sizes)):
         state |= {f"decoder.{2 * k}.weight": torch.randn(o, i), f"decoder.{2 * k}.bias": torch.randn(o)}
     torch.save(state | extra, path)
     return str(path)

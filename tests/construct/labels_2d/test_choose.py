@@ -21,7 +21,7 @@ def test_kinds_with_defaults_need_no_value() -> None:
 
 
 def test_an_unknown_kind_lists_the_known_ones() -> None:
-    with pytest.raises(InputError, match="expected one of label_files, ssd_mobilenet.* found yolo"):
+    with pytest.raises(InputError, match=r"expected one of label_files, ssd_mobilenet.* found yolo"):
         source_from_text("yolo")
 
 

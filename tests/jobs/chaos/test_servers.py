@@ -63,7 +63,7 @@ def whole(make_scene: Callable[..., Path], make: Callable[..., JobConfig], serve
 
 def storm(call: Call) -> Spoiled | None:
     """Of the first 40 calls all but every fifth are refused, half of them with a wait."""
-    wait = ("Retry-After: 0.3",) if call.number % 2 else ()
+    wait = ("Retry-After: 0.1",) if call.number % 2 else ()
     return Spoiled(429, wait) if call.number <= 40 and call.number % 5 else None
 
 

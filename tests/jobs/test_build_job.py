@@ -1,0 +1,154 @@
+"""Build jobs as files and as options of the command line, and the verbs that tell of their runs."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from jobs.build_captures import submit_build
+from jobs.build_job import load_build_job
+from jobs.build_plan import capture_sha256, plan_captures
+from jobs.cli import app
+from schemas.errors import InputError
+from tests.scene.box_room import write_seven_scenes
+from tests.workers.fake_builds import MARKS, fake_build
+
+
+@pytest.fixture(scope="module")
+def room(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_seven_scenes(tmp_path_factory.mktemp("captures") / "room")
+
+
+def write(path: Path, text: str) -> Path:
+    path.write_text(text)
+    return path
+
+
+def test_paths_are_relative_to_the_job_file(tmp_path: Path) -> None:
+    (tmp_path / "labels").mkdir()
+    job = load_build_job(
+        write(
+            tmp_path / "job.yaml",
+            """
+name: all
+output: built
+captures: [scans/*, {path: other, kind: scannet, name: hall}]
+questions: q.jsonl
+build:
+  train: {steps: 0}
+  semantics: {source: {kind: label_files, folder: labels}}
+""",
+        )
+    )
+    assert [entry.path for entry in job.captures] == [str(tmp_path / "scans/*"), str(tmp_path / "other")]
+    assert (job.captures[1].kind, job.captures[1].name) == ("scannet", "hall")
+    assert job.questions == str(tmp_path / "q.jsonl")
+    assert job.build.train.steps == 0
+    assert job.build.semantics.source is not None
+    assert job.build.semantics.source.model_dump()["folder"] == str(tmp_path / "labels")
+    assert job.scene_folder("hall") == str(tmp_path / "built" / "scenes" / "hall")
+
+
+def test_one_capture_need_not_be_a_list(tmp_path: Path) -> None:
+    job = load_build_job(write(tmp_path / "job.yaml", "{name: one, output: built, captures: kitchen}"))
+    assert [entry.path for entry in job.captures] == [str(tmp_path / "kitchen")]
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("{name: a, output: b, captures: []}", "captures: expected at least one capture"),
+        ("{name: a, output: b, captures: c, build: {train: {stepps: 1}}}", "build.train: expected one of steps"),
+        ("{name: a, output: 's3://bucket/run', captures: c}", "working must name a local folder"),
+        ("{name: a, output: b, captures: [{path: c, kind: foo}]}", "captures.0.kind: expected 'auto', 'openeqa'"),
+        ("{name: a, output: b}", "captures: expected a value, found nothing"),
+    ],
+)
+def test_wrong_fields_are_told_with_file_and_place(tmp_path: Path, text: str, told: str) -> None:
+    with pytest.raises(InputError) as refused:
+        load_build_job(write(tmp_path / "job.yaml", text))
+    assert str(refused.value).startswith(str(tmp_path / "job.yaml"))
+    assert told in str(refused.value)
+
+
+def test_unit_is_made_of_all_that_shapes_its_scene_and_of_nothing_else(room: Path, tmp_path: Path) -> None:
+    def unit(text: str) -> str:
+        (planned,) = plan_captures(load_build_job(write(tmp_path / "job.yaml", text)))
+        return planned.unit
+
+    first = unit(f"{{name: a, output: b, captures: {room}}}")
+    assert unit(f"{{name: other, output: c, captures: {room}, workers: {{threads: 3}}}}") == first
+    others = [
+        unit(f"{{name: a, output: b, captures: {{path: {room}, name: hall}}}}"),
+        unit(f"{{name: a, output: b, captures: {room}, build: {{hold_out: 3}}}}"),
+    ]
+    assert len({first, *others}) == 3
+
+
+def test_capture_is_another_with_a_changed_pose_or_another_file_but_not_elsewhere(room: Path, tmp_path: Path) -> None:
+    import shutil
+
+    copy = Path(shutil.copytree(room, tmp_path / "copy"))
+    whole = capture_sha256(str(room))
+    assert capture_sha256(str(copy)) == whole
+    pose = copy / "frame-000000.pose.txt"
+    text = pose.read_text()
+    pose.write_text(text.replace("0", "1", 1))
+    assert capture_sha256(str(copy)) != whole
+    pose.write_text(text)
+    assert capture_sha256(str(copy)) == whole
+    (copy / "frame-000003.color.png").unlink()
+    assert capture_sha256(str(copy)) != whole
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["--output", "x"], "expected one of --capture, --job, --scannet-mesh, --procedural, found none"),
+        (["--output", "x", "--capture", "a", "--procedural", "1"], "found --capture and --procedural"),
+        (["--capture", "a"], "--output: expected a folder"),
+        (["--capture", "a", "--capture", "b", "--name", "c", "--output", "x"], "--name: expected one capture"),
+        (["--capture", "a", "--output", "x", "--semantics", "cat"], "expected one of label_files"),
+        (["--job", "a.yaml", "--kind", "sens"], "--kind"),
+    ],
+)
+def test_options_that_make_no_build_are_refused(options: list[str], told: str) -> None:
+    result = CliRunner().invoke(app, ["build", *options])
+    assert isinstance(result.exception, InputError)
+    assert told in str(result.exception)
+
+
+def test_command_line_builds_a_capture_and_the_other_verbs_tell_of_it(
+    room: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(room.parent)
+    options = ["--capture", room.name, "--steps", "0", "--hold-out", "0", "--plain", "--cpus", "1"]
+    output = os.path.relpath(tmp_path / "built", room.parent)
+    built = CliRunner().invoke(app, ["build", *options, "--output", output], catch_exceptions=False)
+    assert built.exit_code == 0
+    assert "1 of 1 captures committed" in built.stdout
+    assert f"{tmp_path / 'built' / 'scenes' / 'room'}: " in built.stdout
+    assert "4 frames fitted" in built.stdout
+    told = CliRunner().invoke(app, ["status", str(tmp_path / "built")], catch_exceptions=False).stdout
+    assert "captures: 1 of 1 committed" in told
+    assert "questions" not in told
+    assert CliRunner().invoke(app, ["verify", str(tmp_path / "built")], catch_exceptions=False).exit_code == 0
+    checked = CliRunner().invoke(app, ["check", str(tmp_path / "built" / "scenes" / "room")], catch_exceptions=False)
+    assert f"built from: {room}, 4 frames fitted, 0 steps" in checked.stdout
+    again = CliRunner().invoke(app, ["resume", str(tmp_path / "built"), "--plain"], catch_exceptions=False)
+    assert "1 of 1 captures committed" in again.stdout
+
+
+def test_resume_of_a_run_with_a_failed_capture_exits_1_and_says_what_to_do(
+    room: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(MARKS, str(tmp_path))
+    text = f"{{name: a, output: built, captures: [{{path: {room}, name: wrong}}], workers: {{in_process: true}}}}"
+    submit_build(load_build_job(write(tmp_path / "job.yaml", text)), build=fake_build)
+    result = CliRunner().invoke(app, ["resume", str(tmp_path / "built"), "--plain"])
+    assert result.exit_code == 1
+    assert f"{room}: InputError: {room}: depth: expected depth, found none" in result.stdout
+    assert "splatreasoner retry" in result.stdout
