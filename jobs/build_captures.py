@@ -5,9 +5,11 @@ from __future__ import annotations
 import dataclasses
 import os
 import shutil
+import time
 import uuid
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
 from itertools import chain
@@ -162,8 +164,10 @@ def _opened(
     work: BuildWork, build: Build, job: BuildJob, together: int, progress: Progress, note: Callable[..., None]
 ) -> Iterator[Opened[PlannedCapture]]:
     """Give where captures are built."""
-    workers, watch = job.workers, _Watch(Path(work.working), Path(work.stops[0]), progress)
-    watch.stop.unlink(missing_ok=True)
+    workers, working = job.workers, Path(work.working)
+    # How far an earlier session came is no news.
+    before = {one.scene: (one.stage, time.monotonic()) for one in read_progress(working)}
+    watch = _Watch(working, Path(work.stops[0]), progress, before)
     if not together:
         from workers.build_here import BuildHere
 
@@ -191,27 +195,26 @@ def _limits(workers: BuildWorkers, together: int) -> Limits:
     return Limits(together, timeout_s, workers.retries, workers.oom_tries, batch=1, slots=together)
 
 
-@dataclasses.dataclass(slots=True)
+@dataclass(slots=True)
 class _Watch:
     """Passes on the wish to stop, and tells how far the captures at work are."""
 
     working: Path
     stop: Path
     progress: Progress
-    _told: dict[str, tuple[str, float]] = dataclasses.field(default_factory=dict)
+    told: dict[str, tuple[str, float]]
+    """Stage of each capture that was told last, and when."""
 
     def look(self, stop: bool) -> bool:
         """Tell, and pass on."""
-        import time
-
         if stop and not self.stop.exists():
             with suppress(OSError):
                 self.stop.touch()
         found, now = read_progress(self.working), time.monotonic()
         for one in found if len(found) <= SHOWN else ():
-            stage, when = self._told.get(one.scene, ("", 0.0))
+            stage, when = self.told.get(one.scene, ("", 0.0))
             if one.stage != stage or now - when >= LINE_S:
-                self._told[one.scene] = one.stage, now
+                self.told[one.scene] = one.stage, now
                 self.progress.say(str(one))
         return stop
 

@@ -51,6 +51,9 @@ class Verified:
     """Bytes of the files read."""
     orphans: tuple[str, ...] = ()
     """Files below the run folder that no manifest names: attempts that were cut off or came second. Never read."""
+    items: str = "questions"
+    """What is planned: questions, or captures of a run that builds scenes; then fields named after questions are about
+    captures."""
     replies: int | None = None
     """Stored replies read; None when not asked for."""
 
@@ -88,6 +91,7 @@ def _verified(folder: RunFolder, calls: bool) -> Verified:
     found.discarded = sum(map(len, numbered_names(folder.root, "discarded").values()))
     whole = {m.unit: m for m in _sound_manifests(committed, found)}
     builds = content is not None and is_build_run(content)
+    found.items = "captures" if builds else "questions"
     _rows(folder, folder.captures() if builds else folder.units(), whole, found)
     found.orphans = tuple(sorted(_orphans(folder.root, committed, whole)))
     _results(folder, found)

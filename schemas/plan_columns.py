@@ -18,7 +18,7 @@ def plan_table(run: str, columns: Sequence[str]) -> pa.Table:
     """Return columns of a run's plan, of questions or of captures, in plan order.
 
     Raises:
-        InputError: There is no plan, or it is not one of this version.
+        InputError: There is no plan, it is not one of this version, or it is of captures and has no such column.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -32,6 +32,8 @@ def plan_table(run: str, columns: Sequence[str]) -> pa.Table:
                 schema = file.schema_arrow
                 named = (schema.metadata or {}).get(b"table") == BUILD_PLAN.name.encode()
                 (BUILD_PLAN if named else PLAN).check(schema, uri)
+                if named and not set(columns) <= set(BUILD_PLAN.columns):
+                    raise InputError(run, expected="a run that answers questions", found="one that builds scenes")
                 return file.read(list(columns))
         except (pa.ArrowException, OSError) as error:
             raise InputError(uri, expected="a readable plan", found=str(error).splitlines()[0]) from error

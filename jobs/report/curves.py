@@ -51,7 +51,7 @@ def growth_plot(points: Sequence[tuple[float, float]], x: str, y: str, describe:
     axes = Axis(x, round_up(points[-1][0])), Axis(y, round_up(points[-1][1]))
     # A dot in each pixel is all that can be seen.
     step = max(1, len(points) // (WIDTH // 2))
-    kept = [*points[::step], points[-1]]
+    kept = [*points[:-1:step], points[-1]]
     line = "L".join(f"{_x(a, axes[0]):.1f} {_y(b, axes[1]):.1f}" for a, b in kept)
     floor = _y(0, axes[1])
     shape = f"M{_x(kept[0][0], axes[0]):.1f} {floor}L{line}L{_x(kept[-1][0], axes[0]):.1f} {floor}Z"

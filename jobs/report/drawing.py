@@ -16,6 +16,7 @@ from jaxtyping import Bool, Int32, UInt8
 
 from jobs.report.overlays import groups_image, overlay
 from jobs.report.shards import DataFolder
+from jobs.report.to_draw import ToDraw
 from jobs.report.top_down import LONG_SIDE, MapFrame, frame_of, map_picture
 from pipeline.config import MethodConfig
 from pipeline.geometry import Camera
@@ -31,22 +32,6 @@ QUALITY = 82
 SAME_CENTRE_M = 1e-4
 """Centres of a cluster found again differ by rounding alone."""
 Ids = Int32[np.ndarray, "_"]
-
-
-@dataclass(frozen=True, slots=True)
-class ToDraw:
-    """What is drawn of a question: rows of its tables as plain data."""
-
-    question_id: str
-    """Question."""
-    clusters: Sequence[Mapping[str, Any]]
-    """Rows of `clusters`."""
-    candidates: Sequence[Mapping[str, Any]]
-    """Rows of `candidates`."""
-    regions: Sequence[Mapping[str, Any]]
-    """Rows of `regions`, of the arm that counts."""
-    targets: tuple[int, ...]
-    """Ground-truth instances; empty where unknown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,16 +149,20 @@ class _Artist:
                 continue
             seen = render(self._gaussians, fitted_to(camera, LARGE), ("color", "dominant"))
             assert seen.dominant is not None
-            own = [np.asarray(row["gaussians"], np.int32) for row in question.regions if row["view"] == name]
-            labels = groups_image(seen.dominant, own, self._count)
+            own = {
+                int(row["instance"]): np.asarray(row["gaussians"], np.int32)
+                for row in question.regions
+                if row["view"] == name
+            }
+            ordered = [own.get(number, np.empty(0, np.int32)) for number in range(max(own) + 1)]
+            labels = groups_image(seen.dominant, ordered, self._count)
             shown = None if truth is None else truth[seen.dominant]
             found.append(
                 {
                     "view": name,
                     "image": self._folder.picture(_jpeg(color_image(seen)), "jpg"),
                     "overlay": self._folder.picture(overlay(labels, truth=shown), "png"),
-                    "instances": [int(row["instance"]) for row in question.regions if row["view"] == name],
-                    "gaussians": [len(ids) for ids in own],
+                    "instances": [[number, len(ids)] for number, ids in own.items()],
                     "truth": None if shown is None else int(shown.sum()),
                 }
             )

@@ -68,7 +68,10 @@ const showList = () => {
   const text = (query.get("find") ?? "").toLowerCase();
   for (const name of PICKERS) byId(name).value = wanted[name];
   if (byId("find") !== document.activeElement) byId("find").value = query.get("find") ?? "";
-  for (const button of byId("labels").children) button.setAttribute("aria-pressed", String(button.value === wanted.label));
+  for (const button of byId("labels").children) {
+    button.setAttribute("aria-pressed", String(button.value === wanted.label));
+    if (button.value === wanted.label) byId("labels").scrollLeft = button.offsetLeft - byId("labels").offsetLeft - 40;
+  }
   matching = data.rows.filter((row) =>
     (!wanted.label || row.labels.includes(wanted.label)) && (!wanted.task || row.task === wanted.task) &&
     (!wanted.category || row.category === wanted.category) && (!wanted.scene || row.scene === wanted.scene) && (!text || row.words.includes(text)));

@@ -16,6 +16,10 @@ FILL, EDGE = 120, 255
 """Opacity of a group's pixels and of its outline, of 255."""
 
 
+MOST = 15 * len(COLORS)
+"""Groups told apart: a palette holds 256 colours, and each takes two."""
+
+
 def groups_image(
     dominant: Int32[np.ndarray, "H W"], groups: Sequence[Int32[np.ndarray, "_"]], count: int
 ) -> UInt8[np.ndarray, "H W"]:
@@ -23,12 +27,12 @@ def groups_image(
 
     Args:
         dominant: Gaussian a pixel, -1 for none.
-        groups: At most 100 sets of Gaussians; of overlapping ones the first counts.
+        groups: Sets of Gaussians; of overlapping ones the first counts. After `MOST` the count begins anew.
         count: M.
     """
     owner = np.zeros(count + 1, np.uint8)  # -1 looks at the last place, which stays 0
     for number in range(len(groups), 0, -1):
-        owner[groups[number - 1]] = number
+        owner[groups[number - 1]] = (number - 1) % MOST + 1
     return owner[dominant]
 
 

@@ -9,12 +9,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
+from jobs.coverage import read_plan
 from jobs.progress import Progress, Silent
 from jobs.report.questions import Questions, standing_arm
 from jobs.report.scene_places import find_scene, planned_scenes
 from jobs.report.shards import DataFolder
+from jobs.report.to_draw import ToDraw
 from jobs.report.top_down import frame_of, up_of
 from schemas.errors import SplatReasonerError
 
@@ -68,14 +69,33 @@ def draw_pictures(
         progress: Who is told how it goes; None for nobody.
     """
     shown, found = progress or Silent(), Pictures(_bare_maps(questions))
-    chosen = spread(listed, budget.questions)
     by_scene: dict[str, list[str]] = {}
-    for place in sorted(chosen):
-        by_scene.setdefault(listed[place]["scene"], []).append(listed[place]["id"])
-    if not chosen:
-        return found
+    for place in sorted(spread(listed, budget.questions)):
+        by_scene.setdefault(str(listed[place]["scene"]), []).append(str(listed[place]["id"]))
+    if by_scene:
+        shown.begin(sum(map(len, by_scene.values())), 0)
+        try:
+            _draw(run, method, questions, by_scene, folder, budget, shown, found)
+        finally:
+            shown.end()
+    if len(found.questions) < len(listed):
+        counts = f"{len(found.questions):,} of {len(listed):,} questions"
+        found.note = f"Overlays are drawn for {counts}; report --overlays N draws more."
+    return found
+
+
+def _draw(
+    run: str,
+    method: Mapping[str, Any],
+    questions: Questions,
+    by_scene: Mapping[str, Sequence[str]],
+    folder: DataFolder,
+    budget: DrawingBudget,
+    shown: Progress,
+    found: Pictures,
+) -> None:
     # Imported here: kernels and the scene loaders take a second that a page without pictures need not wait for.
-    from jobs.report.drawing import ToDraw, draw_scene
+    from jobs.report.drawing import draw_scene
 
     planned, targets = planned_scenes(run), _targets(run)
     deadline = time.monotonic() + budget.seconds
@@ -85,36 +105,37 @@ def draw_pictures(
         shown.advance("")
         return time.monotonic() < deadline
 
-    shown.begin(len(chosen), 0)
     for name, ids in by_scene.items():
-        place = find_scene(run, planned[name], budget.scenes)
-        if place.problem or time.monotonic() > deadline:
-            if place.problem:
-                found.problems[name] = place.problem
-                shown.say(place.problem)
+        if time.monotonic() >= deadline:
+            return
+        scene = find_scene(run, planned[name], budget.scenes)
+        problem = scene.problem
+        if not problem:
+            wanted = [_to_draw(questions, question, targets) for question in ids]
+            try:
+                drawn = draw_scene(scene.uri, method, wanted, folder, threads=threads, goes_on=goes_on)
+            except SplatReasonerError as error:
+                problem = f"Nothing can be drawn of scene {name}: {error}"
+            else:
+                found.maps[name] = drawn.map
+                found.questions.update(drawn.questions)
+        if problem:
+            found.problems[name] = problem
+            shown.say(problem)
             for _ in ids:
-                shown.advance("")
-            continue
-        wanted = []
-        for question in ids:
-            regions = questions.rows("regions", question)
-            last = standing_arm({str(row["arm"]) for row in regions})
-            own = [row for row in regions if row["arm"] == last]
-            clusters, candidates = (questions.rows(table, question) for table in ("clusters", "candidates"))
-            wanted.append(ToDraw(question, clusters, candidates, own, targets.get(question, ())))
-        try:
-            drawn = draw_scene(place.uri, method, wanted, folder, threads=threads, goes_on=goes_on)
-        except SplatReasonerError as error:
-            found.problems[name] = str(error)
-            shown.say(f"scene {name}: {error}")
-            continue
-        found.maps[name] = drawn.map
-        found.questions.update(drawn.questions)
-    shown.end()
-    total, drawn_count = len(listed), len(found.questions)
-    if drawn_count < total:
-        found.note = f"Overlays are drawn for {drawn_count:,} of {total:,} questions; report --overlays N draws more."
-    return found
+                shown.advance("not at hand")
+
+
+def _to_draw(questions: Questions, question: str, targets: Mapping[str, tuple[int, ...]]) -> ToDraw:
+    regions = questions.rows("regions", question)
+    last = standing_arm({str(row["arm"]) for row in regions})
+    return ToDraw(
+        question,
+        questions.rows("clusters", question),
+        questions.rows("candidates", question),
+        [row for row in regions if row["arm"] == last],
+        targets.get(question, ()),
+    )
 
 
 def spread(listed: Sequence[Mapping[str, Any]], count: int) -> list[int]:
@@ -127,11 +148,11 @@ def spread(listed: Sequence[Mapping[str, Any]], count: int) -> list[int]:
     waiting = [iter(group) for group in groups.values()]
     while waiting and len(chosen) < count:
         for group in tuple(waiting):
-            place = next((place for place in group if place not in chosen), None)
-            if place is None:
+            new = next((place for place in group if place not in chosen), None)
+            if new is None:
                 waiting.remove(group)
             elif len(chosen) < count:
-                chosen[place] = None
+                chosen[new] = None
     return list(chosen)
 
 
@@ -149,8 +170,6 @@ def _bare_maps(questions: Questions) -> dict[str, dict[str, Any]]:
 
 
 def _targets(run: str) -> dict[str, tuple[int, ...]]:
-    from jobs.coverage import read_plan
-
-    plan: pd.DataFrame = read_plan(run)
+    plan = read_plan(run)
     known = plan[plan["target_ids"].notna()]
     return {row["question_id"]: tuple(map(int, row["target_ids"])) for row in known.to_dict("records")}

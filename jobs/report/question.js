@@ -98,7 +98,8 @@ const answers = (question) => {
     arm.views.map((view, index) => `${arm.chosen.includes(index) ? "→ " : ""}${index}: ${view}`).join("\n"),
     ...(grounding ? [`${orDash(arm.predicted)} of ${orDash(arm.targets)}`, whole(arm.region)] : [])]);
   const columns = ["Arm", "Answer", SCORE[question.task], "Views, in image order", ...(grounding ? ["Found of targets", "Gaussians"] : [])];
-  return step(4, "Answers and verification", null,
+  const named = question.arms.some((arm) => arm.chosen.length) ? "An arrow marks the images that the model named." : null;
+  return step(4, "Answers and verification", named,
     make("p", {}, `Verification: ${STANDS[question.stands] ?? "nothing to verify, since the chosen views are the initial ones"}.`),
     question.arms.length ? table("Answers by arm", columns, lines) : make("p", { class: "empty" }, "no answer"),
     question.saved.length > 0 && make("p", { class: "note" }, `Calls not made: ${question.saved.join("; ")}.`));
@@ -115,7 +116,7 @@ const grounded = (question) => {
       ? make("div", { class: "views" }, ...drawn.map((one) => make("figure", { class: "view first" },
           picture(one.image, one.overlay, `grounded in view ${one.view}`),
           make("figcaption", {}, make("strong", {}, `view ${one.view}`),
-            make("p", { class: "where" }, one.instances.map((instance, place) => `instance ${instance}: ${plural(one.gaussians[place], "Gaussian")}`).join(" · ")),
+            one.instances.map(([number, count]) => make("p", { class: "where" }, dot(number), `instance ${number}: ${plural(count, "Gaussian")}`)),
             one.truth === 0 && make("p", { class: "where" }, "no target dominates a pixel here")))))
       : own.length
         ? table("Regions", ["Instance", "View", "Gaussians"], own.map(([, instance, view, count]) => [instance, view, whole(count)]))
@@ -142,7 +143,7 @@ const callLine = (call, prompts) => {
 const calls = (question, prompts) => {
   const sent = question.calls.filter((call) => !call.cached);
   const time = question.seconds.reduce((sum, [, value]) => sum + (value ?? 0), 0);
-  return step(6, `Model calls (${question.calls.length})`, `${plural(sent.length, "call")} sent, the others found among stored replies; ${seconds(time)} in all stages.`,
+  return step(6, `Model calls (${question.calls.length})`, `${whole(sent.length)} sent, ${whole(question.calls.length - sent.length)} found among stored replies; ${seconds(time)} in all stages.`,
     question.seconds.length > 0 && make("p", { class: "where" }, question.seconds.map(([stage, value]) => `${stage} ${seconds(value)}`).join(" · ")),
     question.calls.length ? make("div", { class: "calls" }, ...question.calls.map((call) => callLine(call, prompts))) : make("p", { class: "empty" }, "none"));
 };

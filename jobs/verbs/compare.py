@@ -72,11 +72,8 @@ def _write_page(found: Comparison, page: Path, overlays: int, scenes: str) -> Pa
     from jobs.report.compare_page import write_comparison
     from jobs.report.pictures import DrawingBudget
 
-    shown = for_terminal("questions drawn")
-    try:
-        return write_comparison(found, page, drawing=DrawingBudget(overlays, scenes=scenes), progress=shown)
-    finally:
-        shown.end()
+    drawing = DrawingBudget(overlays, scenes=scenes)
+    return write_comparison(found, page, drawing=drawing, progress=for_terminal("questions drawn"))
 
 
 def _print_scores(found: Comparison) -> None:

@@ -27,9 +27,5 @@ def report(
     from jobs.report import write_report
     from jobs.report.pictures import DrawingBudget
 
-    shown = for_terminal("questions drawn")
-    try:
-        page = write_report(run, drawing=DrawingBudget(overlays, seconds, scenes), progress=shown)
-    finally:
-        shown.end()
-    print(page)
+    drawing = DrawingBudget(overlays, seconds, scenes)
+    print(write_report(run, drawing=drawing, progress=for_terminal("questions drawn")))

@@ -21,7 +21,7 @@ def verify(
     from jobs.verify import verify_run
 
     found = verify_run(run, calls=calls, clean=clean)
-    print(f"questions: {found.questions} of {found.planned} committed, whole and right, in {found.units} units")
+    print(f"{found.items}: {found.questions} of {found.planned} committed, whole and right, in {found.units} units")
     print(f"read: {found.rows} rows, {found.nbytes / 1e6:.1f} MB of parts")
     if found.replies is not None:
         print(f"stored replies: {found.replies}")

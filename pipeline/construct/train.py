@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -71,20 +72,21 @@ def train(
         held_out: Frames that are looked at, never fitted.
 
     Raises:
-        InputError: There is no Gaussian or no frame, a frame cannot be read, or the checkpoint is damaged or another run's.
+        InputError: There is no Gaussian or no frame, one cannot be read, or the checkpoint is damaged or not this run's.
         StoppedError: `stop` said so.
     """
     if len(start) == 0:
         raise InputError("training", field="start", expected="at least one Gaussian", found="none")
-    trainer = _Trainer(start, frames, config or TrainConfig(), checkpoint, held_out)
-    while not trainer.done:
-        if stop is not None and stop():
-            trainer.save()
-            raise StoppedError(f"training was stopped after {trainer.step} of {trainer.config.steps} steps")
-        report = trainer.advance()
-        if report is not None and progress is not None:
-            progress(report)
-    return trainer.finished(progress)
+    with _one_torch_thread():
+        trainer = _Trainer(start, frames, config or TrainConfig(), checkpoint, held_out)
+        while not trainer.done:
+            if stop is not None and stop():
+                trainer.save()
+                raise StoppedError(f"training was stopped after {trainer.step} of {trainer.config.steps} steps")
+            report = trainer.advance()
+            if report is not None and progress is not None:
+                progress(report)
+        return trainer.finished(progress)
 
 
 class _Trainer:
@@ -276,6 +278,17 @@ def quiet_pixels(color: Tensor, photo: Tensor, floor: float) -> Tensor:
     error = (color - photo).abs().mean(dim=2)
     tiles = torch.nn.functional.avg_pool2d(error[None, None], TILE, ceil_mode=True, count_include_pad=False)[0, 0]
     return (tiles < floor).repeat_interleave(TILE, 0).repeat_interleave(TILE, 1)[:height, :width]
+
+
+@contextmanager
+def _one_torch_thread() -> Iterator[None]:
+    """Keep torch's own operations on this thread: few are left, and their sums would depend on the number of threads."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 def _rasterizer(device: str) -> Callable[..., Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from pipeline.geometry import quats_to_rotations
 from pipeline.metrics.image_quality import depth_errors, psnr
 from pipeline.render import render
 from pipeline.scene import Gaussians
-from pipeline.scene.captures import Frame
+from pipeline.scene.captures import Frame, open_capture
 from schemas.errors import InputError
 from tests.construct.posed_frames import PLATE_HALF_M, WALL_M, Held, frame, plate_frames, room_frames
 from tests.scene import box_room
@@ -222,3 +223,16 @@ def test_one_pixel_wide_images_are_no_crash() -> None:
     tiny = frame("tiny", camera, np.zeros((1, 1, 3), np.uint8), np.ones((1, 1)))
     with pytest.raises(InputError, match="agree on"):
         fuse([tiny], PLAIN)
+
+
+@pytest.mark.slow
+def test_kitchen_shows_frames_it_was_not_built_from(shared_data: Path) -> None:
+    frames = open_capture(str(shared_data / "kitchen_7scenes")).frames
+    made = fuse([f for i, f in enumerate(frames) if i % 5 != 4], FusionConfig(voxel_m=0.02, threads=2)).gaussians
+    decibels, close = [], []
+    for shown in frames[4::5]:
+        decibels.append(psnr(render(made, shown.camera, ("color",)).color, shown.read_image()))
+        depth = render(made, shown.depth_lens, ("depth",)).depth
+        close.append(depth_errors(depth, shown.read_depth()).within_5cm)
+    assert np.mean(decibels) > 18.5
+    assert np.mean(close) > 0.8

@@ -23,7 +23,7 @@ def _images(height: int, width: int, seed: int) -> tuple[torch.Tensor, torch.Ten
     return torch.from_numpy(color).requires_grad_(), torch.from_numpy(photo)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(st.integers(1, 70), st.integers(1, 40), st.sampled_from([0.2, 0.7, 1.0]), st.integers(0, 99))
 def test_compiled_loss_and_gradient_are_those_of_torch_in_float64(
     height: int, width: int, weight: float, seed: int
@@ -39,8 +39,9 @@ def test_compiled_loss_and_gradient_are_those_of_torch_in_float64(
 
 
 def test_gradient_of_torch_ssim_meets_finite_differences() -> None:
-    color, photo = _images(9, 7, 0)
-    assert torch.autograd.gradcheck(lambda x: torch_ssim(x, photo.double()), color.detach().double().requires_grad_())
+    color, photo = _images(5, 4, 0)
+    exact = color.detach().double().requires_grad_()
+    assert torch.autograd.gradcheck(lambda x: torch_ssim(x, photo.double()), exact, fast_mode=True)
 
 
 def test_ssim_is_the_metric_of_that_name() -> None:

@@ -168,6 +168,15 @@ class TestGradients:
         assert_gradients_match(found, [g.numpy() for g in truth])
         assert not found[4][:, (degree + 1) ** 2 :].any()
 
+    def test_pixels_that_stop_at_different_depths(self) -> None:
+        scene, view = random_scene(21, 200, sh_degree=1), CAMERAS["plain"]
+        scene = replace(scene, opacity_logits=scene.opacity_logits + np.float32(4), log_scales=scene.log_scales * 0.6)
+        weights = image_weights(view)
+        images = render_dense(*parameters(scene, torch.float64), view)
+        stopped = (images.alpha > 0.999).double().mean()
+        assert 0.3 < stopped < 0.98
+        assert_gradients_match(our_gradients(scene, view, weights), true_gradients(scene, view, weights))
+
     def test_finite_differences_of_a_small_scene(self) -> None:
         """Every single parameter, by two images in float64: no other gradient is involved."""
         scene, view = random_scene(8, 5, sh_degree=2), camera(17, 13, focal=14.0)

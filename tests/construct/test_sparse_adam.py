@@ -87,11 +87,12 @@ def test_threads_and_torch_operations_agree_with_one_thread() -> None:
     torch_step(plain, updates, ids, gradient, rates, shown, 0.999)
     for a, b, c in zip(one, two, plain, strict=True):
         assert torch.equal(a, b)
-        torch.testing.assert_close(a, c, rtol=1e-5, atol=1e-6)
+        # Moments of either sign cancel to a few units in the last place of numbers near 1.
+        torch.testing.assert_close(a, c, rtol=1e-5, atol=1e-5)
     assert not torch.equal(one[0], tables[0])
 
 
-def test_no_rows_do_nothing() -> None:
+def test_an_image_that_shows_nothing_moves_nothing() -> None:
     state = _state()
     before = state.values["means"].clone()
     sparse_adam(state, torch.arange(0), _gradients(state, torch.arange(0), 0), _rates(state))

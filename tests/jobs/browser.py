@@ -98,8 +98,8 @@ def browse(profile: Path, work: Callable[[Tab], Awaitable[T]]) -> T:
     browser = find_browser()
     assert browser is not None
     command = [browser, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={profile}"]
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    with subprocess.Popen([*command, "--remote-debugging-port=0", "about:blank"], **quiet) as process:
+    command += ["--remote-debugging-port=0", "about:blank"]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
         try:
             return asyncio.run(_in_tab(profile / "DevToolsActivePort", work))
         finally:

@@ -79,7 +79,7 @@ def test_actors_of_a_run_pay_once_for_what_several_ask_and_share_one_limit(
     make_scene: Callable[..., Path], make_job: MakeJob, server: CountingServer, capfd: pytest.CaptureFixture[str]
 ) -> None:
     make_scene("a", TEXTS)
-    workers = {"in_process": False, "model_actors": 4, "questions_in_flight": len(TEXTS)}
+    workers = {"in_process": False, "model_actors": 2, "questions_in_flight": len(TEXTS)}
     job = make_job(models=models(server, concurrency=3), workers=workers, budget={"tokens": 10**9})
     assert submit(job, steps=STEPS).driven.complete
     assert set(server.asked.values()) == {1}

@@ -20,6 +20,7 @@ from jobs.verify import verify_run
 from schemas.builds import BUILD_STATUSES
 from schemas.errors import InputError
 from schemas.manifest import committed_units
+from schemas.plan_columns import plan_table
 from schemas.question_file import save_questions
 from schemas.run_folder import RunFolder, read_table
 from tests.jobs.faults import driver, ended, job_file, result_bytes, wait_until
@@ -204,6 +205,8 @@ def test_a_build_run_is_no_run_of_answers_and_the_other_way_round(make_job: Make
         resume(job.output)
     with pytest.raises(InputError, match="one of this run's: builds and timings"):
         read_table(job.output, "answers")
+    with pytest.raises(InputError, match="one that builds scenes"):
+        plan_table(job.output, ["question_id"])
     run = Path(job.output, "run.json")
     run.write_text(json.dumps({**json.loads(run.read_text()), "kind": "questions"}))
     with pytest.raises(InputError, match="one that answers questions"):

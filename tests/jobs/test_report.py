@@ -266,9 +266,10 @@ def test_growth_plot_ends_where_the_last_point_is() -> None:
     svg = growth_plot([(0.0, 0.0), (5.0, 40.0), (10.0, 100.0)], "minutes", "<calls>", "spent")
     assert "&lt;calls&gt;" in svg
     (curve,) = re.findall(r'class="curve" d="M([^"]+)"', svg)
-    (_, _), (x1, y1), (x2, y2) = [tuple(map(float, point.split())) for point in curve.split("L")]
+    (_, _), (x1, y1), (x2, y2) = [map(float, point.split()) for point in curve.split("L")]
     assert (x2, y2) == (406.0, 12.0)
-    assert (x1, y1) == ((58 + 406) / 2, pytest.approx(12 + 0.6 * (230 - 12 - 40), abs=0.1))
+    assert x1 == (58 + 406) / 2
+    assert y1 == pytest.approx(12 + 0.6 * (230 - 12 - 40), abs=0.1)
 
 
 def test_dot_plot_dots_lie_inside_and_speak() -> None:
@@ -291,7 +292,7 @@ def test_spread_draws_some_of_every_task_and_label() -> None:
 
 def test_spending_plot_leaves_out_the_time_between_sessions() -> None:
     calls = {"calls": 10, "cached": 0, "failed_tries": 0, "tokens": 100, "usd": None}
-    events = [
+    events: list[dict[str, Any]] = [
         {"time": "2026-01-01T00:00:00+00:00", "event": "started"},
         {"time": "2026-01-01T00:01:00+00:00", "event": "committed", "calls": calls},
         {"time": "no time", "event": "committed", "calls": calls},

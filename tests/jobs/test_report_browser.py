@@ -113,10 +113,17 @@ def test_page_question_shows_views_answers_calls_and_prompts_of_hostile_text(pag
     _quietly(tmp_path, work)
 
 
-@pytest.mark.parametrize("theme", ["light", "dark"])
-@pytest.mark.parametrize(("width", "height"), [(1280, 900), (390, 844)])
+@pytest.mark.parametrize(
+    ("width", "height", "theme"),
+    [
+        (1280, 900, "light"),
+        (390, 844, "dark"),
+        pytest.param(1280, 900, "dark", marks=pytest.mark.slow),
+        pytest.param(390, 844, "light", marks=pytest.mark.slow),
+    ],
+)
 def test_page_is_readable_named_and_no_wider_than_the_screen(
-    page: str, comparison: str, tmp_path: Path, theme: str, width: int, height: int
+    page: str, comparison: str, tmp_path: Path, width: int, height: int, theme: str
 ) -> None:
     async def work(tab: Tab) -> None:
         await _size(tab, width, height, theme)

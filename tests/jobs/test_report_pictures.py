@@ -13,10 +13,11 @@ from hypothesis.extra.numpy import arrays
 from PIL import Image
 
 from jobs.dataset import scene_sha256
-from jobs.report.drawing import ToDraw, draw_scene
+from jobs.report.drawing import draw_scene
 from jobs.report.overlays import COLORS, EDGE, FILL, groups_image, outline, overlay
 from jobs.report.scene_places import PlannedScene, find_scene
 from jobs.report.shards import DataFolder
+from jobs.report.to_draw import ToDraw
 from jobs.report.top_down import HEIGHT_M, axes_of, frame_of, map_camera, up_of
 from pipeline.config import MethodConfig
 from pipeline.geometry import Camera
@@ -119,7 +120,7 @@ def two_blobs(tmp_path: Path) -> Path:
     means = rng.normal(0, 0.05, (80, 3)).astype(np.float32)
     means[:40, 0] -= 1
     means[40:, 0] += 1
-    quats = np.tile(np.float32([1, 0, 0, 0]), (80, 1))
+    quats = np.tile(np.array([1, 0, 0, 0], np.float32), (80, 1))
     gaussians = Gaussians(
         means,
         quats,

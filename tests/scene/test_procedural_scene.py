@@ -213,4 +213,4 @@ def test_bad_arguments_are_named(field: str, value: int) -> None:
 
 def test_too_few_gaussians_for_a_large_apartment_says_how_many_it_takes() -> None:
     with pytest.raises(InputError, match="at least"):
-        build_apartment(0, rooms=3, gaussians=2_500, views=1)
+        build_apartment(0, rooms=6, gaussians=5_000, views=1)

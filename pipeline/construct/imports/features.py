@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import io
+import zipfile
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Float16, Float32
 
 from pipeline.scene import Gaussians
+from schemas import storage
 from schemas.errors import InputError
 
 SAME_M = 1e-3
@@ -74,11 +77,6 @@ def read_npz(uri: str, wanted: dict[str, str]) -> dict[str, np.ndarray]:
     Raises:
         InputError: The file is missing or no such NPZ.
     """
-    import io
-    import zipfile
-
-    from schemas import storage
-
     expected = "an NPZ file with " + ", ".join(wanted)
     try:
         with np.load(io.BytesIO(storage.read_bytes(uri)), allow_pickle=False) as file:

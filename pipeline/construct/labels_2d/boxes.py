@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float32, Shaped
 
 from pipeline.construct.labels_2d.source import FrameLabels
 from pipeline.construct.labels_2d.surroundings import surroundings
+from pipeline.scene.captures import Frame
 from pipeline.scene.semantics import UNLABELLED
 
 CORE = 0.5
@@ -39,6 +40,15 @@ class Detection:
     """Left, top, right, bottom in pixels; may reach over the image's edge."""
     mask: Bool[np.ndarray, "H W"] | None = None
     """Its pixels where the detector has them; None takes the box."""
+
+
+def labels_of(frame: Frame, detections: list[Detection], *, depth: bool) -> FrameLabels:
+    """Return the painted detections of a frame, cut out by depth where asked for and at hand."""
+    at_hand = frame.depth is not None and frame.depth_camera is None
+    wanted = depth and any(one.mask is None for one in detections)  # a rendered depth image costs as much as detecting
+    depth_m = frame.read_depth() if wanted and at_hand else None
+    focal = float(frame.camera.K[0, 0])
+    return paint(detections, (frame.camera.height, frame.camera.width), depth_m, focal)
 
 
 def paint(

@@ -31,7 +31,7 @@ class ClipModel:
         self.dimension = int(self._model.config.projection_dim)
         """Size D of its features."""
 
-    def images(self, images: Sequence[UInt8[np.ndarray, "h w 3"]]) -> Float32[np.ndarray, "K D"]:
+    def images(self, images: Sequence[UInt8[np.ndarray, "_ _ 3"]]) -> Float32[np.ndarray, "K D"]:
         """Return the unit feature of each sRGB image."""
         with require("torch").inference_mode():
             inputs = self._processor(images=list(images), return_tensors="pt").to(self._device)

@@ -8,13 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float32, UInt8
 
+from pipeline.construct.procedural_frames import SEEN_ALPHA
 from pipeline.geometry import Camera
 from pipeline.render import PreparedGaussians, color_image, prepare, render
 from pipeline.scene import Gaussians, View
 from pipeline.scene.captures import Frame
-
-SEEN_ALPHA = 0.5
-"""A pixel whose opacity is lower has no depth."""
 
 
 def rendered_frames(gaussians: Gaussians | PreparedGaussians, views: Iterable[View]) -> tuple[Frame, ...]:

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float32, UInt8
 from pydantic import BaseModel, ConfigDict, Field
 
-from pipeline.construct.labels_2d.boxes import Detection, paint
+from pipeline.construct.labels_2d.boxes import Detection, labels_of
 from pipeline.construct.labels_2d.coco import COCO_NAMES
 from pipeline.construct.labels_2d.source import FrameLabels
 from pipeline.construct.labels_2d.torch_models import require
@@ -98,14 +98,6 @@ class SsdMobilenet:
             InputError: The frame has no photograph.
         """
         return labels_of(frame, self.detect(frame.read_image()), depth=self.config.depth)
-
-
-def labels_of(frame: Frame, detections: list[Detection], *, depth: bool) -> FrameLabels:
-    """Return the painted detections of a frame, cut out by depth where asked for and at hand."""
-    at_hand = depth and frame.depth is not None and frame.depth_camera is None
-    depth_m = frame.read_depth() if at_hand else None
-    focal = float(frame.camera.K[0, 0])
-    return paint(detections, (frame.camera.height, frame.camera.width), depth_m, focal)
 
 
 def _package_folder() -> Path:

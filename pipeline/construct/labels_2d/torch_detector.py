@@ -13,10 +13,9 @@ import numpy as np
 from jaxtyping import UInt8
 from pydantic import BaseModel, ConfigDict, Field
 
-from pipeline.construct.labels_2d.boxes import Detection
+from pipeline.construct.labels_2d.boxes import Detection, labels_of
 from pipeline.construct.labels_2d.coco import COCO_NAMES
 from pipeline.construct.labels_2d.source import FrameLabels
-from pipeline.construct.labels_2d.ssd_mobilenet import labels_of
 from pipeline.construct.labels_2d.torch_models import load_pretrained, require
 from pipeline.scene.captures import Frame
 from schemas.errors import InputError
