@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Int32, UInt8
+from pydantic import ValidationError
 
 from jobs.report.overlays import groups_image, overlay
 from jobs.report.shards import DataFolder
@@ -25,6 +26,7 @@ from pipeline.query.visibility import fitted_to
 from pipeline.render import color_image, render
 from pipeline.scene.load import load_scene
 from pipeline.tasks.context import SceneContext
+from schemas.errors import InputError
 
 LARGE, SMALL = 512, 256
 """Longest side, pixels: of initial views and groundings, which are drawn anew, and of novel views' thumbnails."""
@@ -64,11 +66,16 @@ def draw_scene(
         goes_on: Called before a question is drawn; False leaves it and what follows out.
 
     Raises:
-        InputError: The scene cannot be read.
+        InputError: The scene cannot be read, or the method is one of another version.
         RetryError: A remote store failed to answer.
     """
+    config = None
+    if method.get("kind") == "splatreasoner":
+        try:
+            config = MethodConfig.model_validate(method)
+        except ValidationError as error:
+            raise InputError("the run's method", expected="fields of this version", found=str(error)) from error
     scene = load_scene(uri)
-    config = MethodConfig.model_validate(method) if method.get("kind") == "splatreasoner" else None
     context = SceneContext(scene)
     stands = np.array([view.camera.center for view in scene.views])
     up = np.asarray(scene.up, np.float64)

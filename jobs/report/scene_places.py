@@ -52,7 +52,7 @@ def find_scene(run: str, scene: PlannedScene, folder: str = "") -> ScenePlace:
         folder: A folder to look in for a folder of the scene's name; empty for the places the plan leads to: its path
             as it is, and, where that is relative, below each folder above the run.
     """
-    tried = "the plan's path is not here"
+    tried = f"no folder of that name in {folder}" if folder else "the plan's path is not here"
     for uri in _places(run, scene, folder):
         try:
             if not storage.exists(uri):

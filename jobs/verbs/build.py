@@ -12,6 +12,9 @@ from schemas.errors import InputError
 if TYPE_CHECKING:
     from jobs.build_job import BuildJob
 
+AS_LONG_AS_TIME_LASTS = 30_000
+"""Steps where minutes alone are asked for: what 3DGS takes, and more than a CPU does in an hour."""
+
 
 def build(
     output: Annotated[
@@ -40,7 +43,9 @@ def build(
     steps: Annotated[
         int | None, typer.Option(help="Steps of the optimisation; 0 for fused depth alone.", min=0)
     ] = None,
-    minutes: Annotated[float | None, typer.Option(help="Minutes of the optimisation, at most.", min=0)] = None,
+    minutes: Annotated[
+        float | None, typer.Option(help="Minutes of the optimisation, or fewer once --steps are done.", min=0)
+    ] = None,
     device: Annotated[str | None, typer.Option(help="cpu, or cuda by gsplat.")] = None,
     semantics: Annotated[
         str | None,
@@ -82,8 +87,9 @@ def build(
         from jobs.progress import for_terminal, progress_style
         from jobs.verbs.ending import end_build
 
+        if minutes is not None and steps is None and job is None:
+            steps = AS_LONG_AS_TIME_LASTS
         changes: dict[tuple[str, ...], Any] = {
-            ("name",): name,
             ("build", "frames"): frames,
             ("build", "hold_out"): hold_out,
             ("build", "train", "steps"): steps,
@@ -124,14 +130,14 @@ def _build_job(
     from jobs.build_job import anchored, checked_build_job, load_build_job
 
     if job is not None:
-        if kind is not None:
-            raise InputError("--kind", expected="the captures' `kind` in the job", found=kind)
+        if kind is not None or name is not None:
+            raise InputError("build", expected="`kind` and `name` of a capture in the job", found="--kind or --name")
         found = load_build_job(job).model_dump(mode="json")
     else:
         if name is not None and len(captures) > 1:
             raise InputError("--name", expected="one capture", found=len(captures))
         entries = [{"path": one, "kind": kind or "auto", "name": name or ""} for one in captures]
-        found = {"name": "build", "captures": entries}
+        found = {"name": name or "build", "captures": entries}
     for place, value in changes.items():
         if value is None:
             continue

@@ -6,6 +6,7 @@ A vector is cut into parts; each part is stored as the number of the nearest of 
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,13 +56,11 @@ def learn_codebooks(vectors: Float[np.ndarray, "M D"], parts: int, rng: np.rando
     for part in range(parts):
         rows = np.unique(sample[:, part * width : (part + 1) * width], axis=0)
         if len(rows) > CODES:
-            rows, _ = kmeans2(
-                sample[:, part * width : (part + 1) * width],
-                rows[rng.choice(len(rows), CODES, replace=False)],
-                iter=ROUNDS,
-                minit="matrix",
-                missing="warn",
-            )
+            start = rows[rng.choice(len(rows), CODES, replace=False)]
+            with warnings.catch_warnings():
+                # A code nothing is nearest to stays where it was: a wasted code, no wrong one.
+                warnings.filterwarnings("ignore", message="One of the clusters is empty", category=UserWarning)
+                rows, _ = kmeans2(sample[:, part * width : (part + 1) * width], start, iter=ROUNDS, minit="matrix")
         books.append(np.concatenate([rows, np.repeat(rows[:1], CODES - len(rows), axis=0)]))
     return Codebooks(np.stack(books).astype(np.float32))
 

@@ -72,7 +72,7 @@ def train(
         held_out: Frames that are looked at, never fitted.
 
     Raises:
-        InputError: There is no Gaussian or no frame, one cannot be read, or the checkpoint is damaged or not this run's.
+        InputError: There is no Gaussian or no frame, one cannot be read, or the checkpoint is not one of this run.
         StoppedError: `stop` said so.
     """
     if len(start) == 0:
@@ -282,7 +282,7 @@ def quiet_pixels(color: Tensor, photo: Tensor, floor: float) -> Tensor:
 
 @contextmanager
 def _one_torch_thread() -> Iterator[None]:
-    """Keep torch's own operations on this thread: few are left, and their sums would depend on the number of threads."""
+    """Keep torch's own operations on this thread: few are left, and the number of threads would change their sums."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:

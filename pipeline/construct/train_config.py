@@ -8,21 +8,24 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 
 class LearningRates(BaseModel):
-    """Adam's steps; one is taken per image that shows a Gaussian."""
+    """Adam's steps; one is taken per image that shows a Gaussian.
+
+    3DGS takes 30,000 steps; these are made for some hundreds to a few thousand, from a start that depth gave.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    means: float = Field(default=1.6e-4, gt=0, description="Positions at the start, in extents of the camera path.")
-    means_last: float = Field(default=1.6e-6, gt=0, description="Positions at the end; log-linear between.")
-    quats: float = Field(default=1e-3, ge=0, description="Rotations.")
-    log_scales: float = Field(default=5e-3, ge=0, description="Logarithms of the scales.")
-    opacity_logits: float = Field(default=0.05, ge=0, description="Opacities before the sigmoid.")
-    colors: float = Field(default=2.5e-3, ge=0, description="Colours of degree 0.")
-    directions: float = Field(default=1.25e-4, ge=0, description="Higher degrees: how colour depends on direction.")
-    exposures: float = Field(default=2e-3, ge=0, description="Gain and offset of a photograph, where they are fitted.")
-    poses: float = Field(default=5e-4, ge=0, description="A photograph's pose, metres and radians, where it is fitted.")
+    means: float = Field(default=8e-4, gt=0, description="Positions at the start, in extents of the camera path.")
+    means_last: float = Field(default=8e-5, gt=0, description="Positions at the end; log-linear between.")
+    quats: float = Field(default=5e-3, ge=0, description="Rotations.")
+    log_scales: float = Field(default=2e-2, ge=0, description="Logarithms of the scales.")
+    opacity_logits: float = Field(default=0.1, ge=0, description="Opacities before the sigmoid.")
+    colors: float = Field(default=2e-2, ge=0, description="Colours of degree 0.")
+    directions: float = Field(default=1e-3, ge=0, description="Higher degrees: how colour depends on direction.")
+    exposures: float = Field(default=1e-2, ge=0, description="Gain and offset of a photograph, where they are fitted.")
+    poses: float = Field(default=1e-3, ge=0, description="A photograph's pose, metres and radians, where it is fitted.")
     last_share: float = Field(
-        default=1.0, gt=0, le=1, description="Of all rates but those of positions, what is left at the end; log-linear."
+        default=0.1, gt=0, le=1, description="Of all rates but those of positions, what is left at the end; log-linear."
     )
 
 
@@ -42,7 +45,9 @@ class DensityConfig(BaseModel):
     )
     most: int = Field(default=1_000_000, ge=1, description="Gaussians there may be; the strongest pulls come first.")
     least_opacity: float = Field(default=0.005, ge=0, lt=1, description="Fainter Gaussians are pruned.")
-    largest_extent: float = Field(default=0.1, gt=0, description="Larger Gaussians are pruned; in extents.")
+    largest_extent: float = Field(
+        default=0.5, gt=0, description="Larger Gaussians are pruned; in extents. 3DGS's 0.1 is 10 cm in a small room."
+    )
     reset_every: int = Field(
         default=0,
         ge=0,

@@ -38,6 +38,15 @@ def test_unit_vectors_keep_their_direction() -> None:
     assert cosine.min() > 0.95
 
 
+def test_codes_that_nothing_needs_are_no_fault() -> None:
+    rng = np.random.default_rng(3)
+    few = np.concatenate([np.repeat(rng.normal(size=(2, 4)), 3000, axis=0), rng.normal(size=(400, 4))])
+    books = learn_codebooks((few + 1e-3 * rng.normal(size=few.shape)).astype(np.float32), 2, rng)
+    back = decode(encode(few.astype(np.float32), books), books)
+    assert np.median(np.abs(back - few)) < 0.01
+    assert np.isfinite(books.parts).all()
+
+
 @pytest.mark.parametrize("parts", [0, 3, 16, -1])
 def test_parts_that_do_not_divide_are_refused(parts: int) -> None:
     with pytest.raises(InputError, match="expected a divisor of 8"):

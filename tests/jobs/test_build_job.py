@@ -9,10 +9,11 @@ import pytest
 from typer.testing import CliRunner
 
 from jobs.build_captures import submit_build
-from jobs.build_job import load_build_job
+from jobs.build_job import BuildJob, load_build_job
 from jobs.build_plan import capture_sha256, plan_captures
 from jobs.cli import app
-from schemas.errors import InputError
+from pipeline.construct.train_config import TrainConfig
+from schemas.errors import InputError, StopError
 from tests.scene.box_room import write_seven_scenes
 from tests.workers.fake_builds import MARKS, fake_build
 
@@ -112,7 +113,8 @@ def test_capture_is_another_with_a_changed_pose_or_another_file_but_not_elsewher
         (["--capture", "a"], "--output: expected a folder"),
         (["--capture", "a", "--capture", "b", "--name", "c", "--output", "x"], "--name: expected one capture"),
         (["--capture", "a", "--output", "x", "--semantics", "cat"], "expected one of label_files"),
-        (["--job", "a.yaml", "--kind", "sens"], "--kind"),
+        (["--job", "a.yaml", "--kind", "sens"], "found --kind or --name"),
+        (["--job", "a.yaml", "--name", "hall"], "found --kind or --name"),
     ],
 )
 def test_options_that_make_no_build_are_refused(options: list[str], told: str) -> None:
@@ -140,6 +142,25 @@ def test_command_line_builds_a_capture_and_the_other_verbs_tell_of_it(
     assert f"built from: {room}, 4 frames fitted, 0 steps" in checked.stdout
     again = CliRunner().invoke(app, ["resume", str(tmp_path / "built"), "--plain"], catch_exceptions=False)
     assert "1 of 1 captures committed" in again.stdout
+
+
+@pytest.mark.parametrize(
+    ("options", "steps"), [(["--minutes", "5"], 30_000), (["--minutes", "5", "--steps", "70"], 70), ([], None)]
+)
+def test_minutes_alone_end_the_optimisation(
+    room: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: list[str], steps: int | None
+) -> None:
+    asked: list[BuildJob] = []
+
+    def refuse(job: BuildJob, **others: object) -> None:
+        asked.append(job)
+        raise StopError("enough")
+
+    monkeypatch.setattr("jobs.build_captures.submit_build", refuse)
+    CliRunner().invoke(app, ["build", "--capture", str(room), "--output", str(tmp_path), *options])
+    (job,) = asked
+    assert job.build.train.steps == (TrainConfig().steps if steps is None else steps)
+    assert job.build.train.minutes == (5.0 if options else None)
 
 
 def test_resume_of_a_run_with_a_failed_capture_exits_1_and_says_what_to_do(

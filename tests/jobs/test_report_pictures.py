@@ -27,6 +27,7 @@ from pipeline.scene.save import save_scene
 from pipeline.scene.scene import Scene
 from pipeline.scene.semantics import Semantics
 from pipeline.scene.views import View
+from schemas.errors import InputError
 
 LEAN = 0.03
 """Share by which heights of 2 m move on a map that is seen from `HEIGHT_M`."""
@@ -108,7 +109,7 @@ def test_find_scene_relative_path_is_found_above_the_run_and_changed_files_are_r
     scene = PlannedScene("flat", "h/scenes/flat", scene_sha256(str(folder)))
     assert find_scene(str(run), scene).uri == str(folder)
     assert find_scene(str(run), scene, str(tmp_path / "h" / "scenes")).uri == str(folder)
-    assert "not here" in find_scene(str(run), scene, str(tmp_path)).problem
+    assert "no folder of that name" in find_scene(str(run), scene, str(tmp_path)).problem
     (folder / "gaussians.ply").write_bytes(b"other splats")
     assert "changed" in find_scene(str(run), scene).problem
 
@@ -174,6 +175,12 @@ def test_draw_scene_overlays_fall_on_their_cluster_and_truth_on_the_target(two_b
     columns = np.argwhere(dots > 0)[:, 1] / dots.shape[1] * width + drawn.map["low"][0]
     assert abs(columns.min() + 1) < 0.3
     assert abs(columns.max() - 1) < 0.3
+
+
+def test_draw_scene_method_of_another_version_is_an_input_error(tmp_path: Path) -> None:
+    method, folder = {"kind": "splatreasoner", "later": 1}, DataFolder(str(tmp_path), "data")
+    with pytest.raises(InputError, match="fields of this version"):
+        draw_scene(str(tmp_path), method, [], folder, threads=1, goes_on=lambda: True)
 
 
 def _picture(folder: Path, link: str) -> np.ndarray:

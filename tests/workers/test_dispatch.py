@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from schemas.errors import InputError, QuestionError, RetryError, StopError
+from schemas.errors import InputError, QuestionError, RetryError, StopError, StoppedError
 from schemas.plan import PlannedUnit
 from schemas.questions import Question
 from tests.workers.fake_steps import failed_rows, unit
@@ -155,6 +155,22 @@ def test_stop_error_ends_the_run_after_what_is_in_flight() -> None:
     # extend keeps what came before the error.
     assert ended == [0, 2, 3]
     assert len(backend.submitted) == 4
+
+
+def test_work_that_stopped_as_asked_is_neither_an_outcome_nor_tried_again_nor_told() -> None:
+    backend, notes = FakeBackend(lambda name, attempt: StoppedError("as asked") if attempt == 1 else {}), list[str]()
+    outcomes = dispatch(
+        [unit(0, ["a", "b"])],
+        backend,
+        Limits(2, 100.0, 2),
+        should_stop=lambda: backend.clock >= 1,
+        note=lambda kind, **details: notes.append(kind),
+        clock=lambda: backend.clock,
+        sleep=backend.sleep,
+    )
+    assert list(outcomes) == []
+    assert len(backend.submitted) == 2
+    assert notes == []
 
 
 def test_backend_that_is_lost_is_noticed_before_the_next_result_is_waited_for() -> None:
