@@ -175,7 +175,8 @@ class ProgressFile:
         if stage == self._stage and now - self._told < TELL_S:
             return
         self._stage, self._told = stage, now
-        aside = self._path.with_suffix(".tmp")
+        # A worker that outlived its driver may still write beside this one for a moment.
+        aside = self._path.with_name(f"{PROGRESS_FILE}.{os.getpid()}.tmp")
         aside.write_text(json.dumps({"scene": self._scene, "stage": stage, "share": share, "detail": detail}))
         aside.replace(self._path)
 

@@ -148,6 +148,7 @@ const show = () => {
     const current = link.hash === `#${asked === "question" ? "questions" : asked}`;
     if (current) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
+    if (current) byId("tabs").scrollLeft = link.offsetLeft - 60;
   }
   document.title = document.body.dataset.name;
   if (asked !== "question" && asked !== "questions") return;

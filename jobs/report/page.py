@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from html import escape
 from typing import Any
@@ -291,6 +291,3 @@ def configuration(run: Mapping[str, Any], title: str = "Run") -> str:
             text = escape(json.dumps(run[key], indent=1, ensure_ascii=False))
             parts.append(f'<details><summary>{name}</summary><pre tabindex="0">{text}</pre></details>')
     return f"<h2>{escape(title)}</h2>{''.join(parts)}"
-
-
-__all__: Sequence[str] = ("RunFacts", "configuration", "model_name", "page")

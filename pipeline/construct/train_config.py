@@ -30,11 +30,14 @@ class LearningRates(BaseModel):
 
 
 class DensityConfig(BaseModel):
-    """When Gaussians are cloned, split and pruned; defaults are those of 3DGS, its steps as shares of the run."""
+    """When Gaussians are cloned, split and pruned; defaults are those of 3DGS, its steps as shares of the run.
+
+    Off by default: a start from depth has its Gaussians. One from sparse points needs rounds (100 steps in 3DGS).
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    every: int = Field(default=100, ge=0, description="Steps between two rounds; 0 leaves the Gaussians as they are.")
+    every: int = Field(default=0, ge=0, description="Steps between two rounds; 0 leaves the Gaussians as they are.")
     first: float = Field(default=0.02, ge=0, le=1, description="Share of the run before the first round.")
     last: float = Field(default=0.5, ge=0, le=1, description="Share of the run after which there are no more rounds.")
     gradient: float = Field(
@@ -61,7 +64,7 @@ class TrainConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    steps: int = Field(default=2000, ge=0, description="Images looked at; 0 leaves the start as it is.")
+    steps: int = Field(default=500, ge=0, description="Images looked at; 0 leaves the start as it is.")
     minutes: float | None = Field(
         default=None,
         gt=0,
@@ -76,10 +79,10 @@ class TrainConfig(BaseModel):
     rates: LearningRates = Field(default=LearningRates(), description="Learning rates.")
     beta2: float = Field(default=0.999, gt=0, lt=1, description="Memory of Adam's squared gradients.")
     density: DensityConfig = Field(default=DensityConfig(), description="Cloning, splitting and pruning.")
-    sh_degree: int = Field(default=3, ge=0, le=3, description="Degree of spherical harmonics at the end.")
-    sh_every: float = Field(default=0.1, ge=0, le=1, description="Share of the run between two raises of the degree.")
+    sh_degree: int = Field(default=1, ge=0, le=3, description="Degree of spherical harmonics at the end.")
+    sh_every: float = Field(default=0.3, ge=0, le=1, description="Share of the run between two raises of the degree.")
     scales: tuple[tuple[float, float], ...] = Field(
-        default=((0.0, 0.5), (0.5, 1.0)),
+        default=((0.0, 0.5), (0.8, 1.0)),
         description="Image scale (0 to 1) from a share of the run on, in pairs (share, scale): coarse to fine.",
     )
     image_side: int = Field(

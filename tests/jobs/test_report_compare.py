@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 from urllib.parse import unquote
@@ -13,6 +14,7 @@ from jobs.report.compare_page import OUTCOMES, write_comparison
 from jobs.report.pictures import DrawingBudget
 from jobs.scores import Options
 from tests.jobs.synthetic_run import EVIL, write_run
+from tests.jobs.test_cli import run
 from tests.jobs.test_report import Page, data_of
 
 QUICK = Options(resamples=100)
@@ -76,3 +78,20 @@ def test_comparison_page_cut_list_says_so(found: Comparison, tmp_path: Path) -> 
     page = write_comparison(found, tmp_path / "c.html", max_questions=5, drawing=NOTHING_DRAWN)
     assert len(data_of(page, "list", "c-data")["rows"]) == 5
     assert "first 5 of 60 questions" in Page(page.read_text()).text
+
+
+def test_verbs_write_pages_and_say_where(found: Comparison, tmp_path: Path) -> None:
+    ended = run("report", found.runs[0], "--overlays", "0")
+    assert (ended.returncode, ended.stdout) == (0, f"{found.runs[0]}/report.html\n")
+    page = tmp_path / "new" / "c.html"
+    ended = run("compare", *found.runs, "--page", page, "--overlays", "0", "--json")
+    assert ended.returncode == 0
+    assert json.loads(ended.stdout)["a"] == found.runs[0]
+    assert ended.stderr.splitlines()[-1] == str(page)
+    assert page.is_file()
+
+
+def test_verb_report_of_no_run_ends_with_what_was_expected(tmp_path: Path) -> None:
+    ended = run("report", tmp_path)
+    assert ended.returncode == 2
+    assert "expected a run folder" in ended.stderr

@@ -43,7 +43,7 @@ def fake_build(work: BuildWork, capture: PlannedCapture, stop: Callable[[], bool
         time.sleep(float(os.environ.get(STEP_S, "0")))
         with (marks / name).open("a") as lines:
             lines.write(f"{os.getpid()} {step}\n")
-        aside = checkpoint.with_suffix(".tmp")
+        aside = checkpoint.with_name(f"checkpoint.{os.getpid()}.tmp")
         aside.write_text(str(step + 1))
         aside.replace(checkpoint)
         shown.tell("train", step / STEPS, f"step {step} of {STEPS}")

@@ -38,6 +38,14 @@ def test_progress_is_written_when_a_stage_begins_and_then_once_a_second(tmp_path
     assert read_progress(tmp_path) == (CaptureProgress("kitchen", "train", 0.1, "PSNR 20.00 dB"),)
 
 
+def test_two_workers_that_tell_of_one_capture_do_not_disturb_each_other(tmp_path: Path) -> None:
+    mine = ProgressFile(tmp_path / "u1", "kitchen")
+    mine.tell("fuse", 0.0)
+    (tmp_path / "u1" / "progress.json.1.tmp").write_text("of another process")
+    mine.tell("train", 0.0)
+    assert [one.stage for one in read_progress(tmp_path)] == ["train"]
+
+
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"scene": "a"}'])
 def test_progress_that_nobody_of_ours_wrote_is_passed_over(tmp_path: Path, text: str) -> None:
     ProgressFile(tmp_path / "u1", "kitchen").tell("fuse", 0.0)
