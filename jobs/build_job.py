@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from jobs.config import input_error
 from jobs.yaml_file import read_yaml
 from pipeline.construct.build_config import BuildConfig
+from pipeline.construct.labels_2d.choose import MAIN
 from pipeline.scene.captures.open_capture import CaptureKind
 from schemas import storage
 
@@ -121,16 +123,25 @@ def anchored(job: Mapping[str, Any], folder: Path) -> dict[str, Any]:
             return {**value, **({"path": at(value["path"])} if "path" in value else {})}
         if not isinstance(value, str) or not value or storage.local_path(value) is None:
             return value
-        return os.path.normpath(folder / Path(value).expanduser())
+        place = folder / Path(value).expanduser()
+        # In a pattern, "*/sparse/.." asks for folders that have one.
+        return str(place) if glob.has_magic(str(place)) else os.path.normpath(place)
 
     found = {name: at(value) if name in PATHS else value for name, value in job.items()}
     source = ((found.get("build") or {}).get("semantics") or {}).get("source")
     if isinstance(source, dict):
-        # A model may be named by its folder or by its name on a hub.
-        local = {name: at(one) for name, one in source.items() if isinstance(one, str) and (folder / one).exists()}
+        local = {name: at(one) for name, one in source.items() if name in MAIN.values() and _lies_in(folder, one)}
         semantics = {**found["build"]["semantics"], "source": {**source, **local}}
         found["build"] = {**found["build"], "semantics": semantics}
     return found
+
+
+def _lies_in(folder: Path, value: Any) -> bool:
+    """Return whether a value names what lies below a folder: a model may also be named as on a hub.
+
+    Of a path with {scene} the part before it decides.
+    """
+    return isinstance(value, str) and value != "" and (folder / value.partition("{")[0]).exists()
 
 
 def checked_build_job(found: Any, subject: object) -> BuildJob:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import glob
 import hashlib
+import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -107,7 +108,7 @@ def _found(job: BuildJob, subject: object, problems: Problems) -> Iterator[tuple
         if path is None or not glob.has_magic(str(path)):
             yield entry.path, entry
             continue
-        matches = sorted(glob.glob(str(path), recursive=True))
+        matches = sorted(map(os.path.normpath, glob.glob(str(path), recursive=True)))
         if not matches:
             expected = "a pattern that matches captures"
             problems.add(InputError(subject, field="captures", expected=expected, found=entry.path))

@@ -46,6 +46,10 @@ def build(
     minutes: Annotated[
         float | None, typer.Option(help="Minutes of the optimisation, or fewer once --steps are done.", min=0)
     ] = None,
+    start: Annotated[
+        str | None, typer.Option(help="What the Gaussians begin as: auto, depth (fused) or points (sparse).")
+    ] = None,
+    no_depth_loss: Annotated[bool, typer.Option("--no-depth-loss", help="Optimise by the photographs alone.")] = False,
     device: Annotated[str | None, typer.Option(help="cpu, or cuda by gsplat.")] = None,
     semantics: Annotated[
         str | None,
@@ -92,7 +96,9 @@ def build(
         changes: dict[tuple[str, ...], Any] = {
             ("build", "frames"): frames,
             ("build", "hold_out"): hold_out,
+            ("build", "start"): start,
             ("build", "train", "steps"): steps,
+            ("build", "train", "depth_first"): 0.0 if no_depth_loss else None,
             ("build", "train", "minutes"): minutes,
             ("build", "train", "device"): device,
             ("questions",): None if questions is None else str(questions),

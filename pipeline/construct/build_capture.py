@@ -15,6 +15,7 @@ from pipeline.construct.describe import describe
 from pipeline.construct.fuse import fuse
 from pipeline.construct.held_out import split_held_out
 from pipeline.construct.sparse_start import start_from_points
+from pipeline.construct.train_config import TrainConfig
 from pipeline.construct.train_progress import TrainProgress, held_out_quality
 from pipeline.construct.upright import estimate_up
 from pipeline.scene import Gaussians, Scene, Semantics
@@ -129,7 +130,8 @@ def build_capture(
         warnings.append(f"no depth in {skipped} frames that were fitted to")
     if config.train.steps:
         with told.at("train"):
-            gaussians, reached = _trained(began, fitted, held_out, config, checkpoint, threads, told)
+            settings = _train_settings(config, source, threads)
+            gaussians, reached = _trained(began, fitted, held_out, settings, checkpoint, told)
             quality = reached.held_out
     if held_out and quality is None:
         with told.at("measure"):
@@ -187,13 +189,21 @@ def _start(capture: Capture, config: BuildConfig, threads: int, told: _Told) -> 
     return start_from_points(capture.points.read(), capture.cameras), "points", 0
 
 
+def _train_settings(config: BuildConfig, source: str, threads: int) -> TrainConfig:
+    """Return the settings of the optimisation for what the Gaussians began as."""
+    train = config.train.model_copy(update={"threads": threads})
+    if source == "points" and not train.density.every:
+        density = train.density.model_copy(update={"every": config.densify_points_every})
+        train = train.model_copy(update={"density": density})
+    return train
+
+
 def _trained(
     start: Gaussians,
     capture: Capture,
     held_out: Sequence[Frame],
-    config: BuildConfig,
+    config: TrainConfig,
     checkpoint: Path | None,
-    threads: int,
     told: _Told,
 ) -> tuple[Gaussians, TrainProgress]:
     """Return the optimised Gaussians and the last report."""
@@ -203,7 +213,7 @@ def _trained(
     trained = train(
         start,
         [frame for frame in capture.frames if frame.image is not None],
-        config.train.model_copy(update={"threads": threads}),
+        config,
         checkpoint=None if checkpoint is None else checkpoint / CHECKPOINT,
         progress=lambda report: told.share(report.share, _told_quality(report)),
         stop=told.stop,

@@ -31,6 +31,12 @@ class BuildConfig(BaseModel):
     )
     fusion: FusionConfig = Field(default_factory=FusionConfig, description="how depth becomes Gaussians")
     train: TrainConfig = Field(default_factory=TrainConfig, description="the optimisation; steps: 0 leaves it out")
+    densify_points_every: int = Field(
+        100,
+        ge=0,
+        description="train.density.every of a capture that starts from sparse points and has 0 there: fused depth "
+        "covers its surfaces, points do not",
+    )
     semantics: SemanticsConfig = Field(
         default_factory=SemanticsConfig, description="what names the Gaussians; without a source no question finds any"
     )

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pipeline.construct.build_capture import BuildProgress, build_capture
+from pipeline.construct.build_capture import BuildProgress, _train_settings, build_capture
 from pipeline.construct.build_config import BuildConfig
 from pipeline.scene.check import check_scene
 from pipeline.scene.load import load_scene
@@ -118,6 +118,13 @@ def test_sparse_points_start_a_capture_without_depth(tmp_path: Path) -> None:
     row = build_capture(str(capture), config, str(tmp_path / "room")).row
     assert (row.start, row.held_out, row.psnr) == ("points", 0, None)
     assert 4 <= row.gaussians <= len(corners)
+
+
+@pytest.mark.parametrize(("source", "asked", "every"), [("points", 0, 100), ("points", 7, 7), ("depth", 0, 0)])
+def test_sparse_points_alone_are_densified_where_the_settings_do_not_say(source: str, asked: int, every: int) -> None:
+    config = BuildConfig.model_validate({"train": {"density": {"every": asked}}})
+    settings = _train_settings(config, source, threads=3)
+    assert (settings.density.every, settings.threads) == (every, 3)
 
 
 def test_capture_without_sparse_points_cannot_start_from_them(room: Path, tmp_path: Path) -> None:

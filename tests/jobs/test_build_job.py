@@ -53,6 +53,37 @@ build:
     assert job.scene_folder("hall") == str(tmp_path / "built" / "scenes" / "hall")
 
 
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("{kind: label_files, folder: 'labels/{scene}', instance: '{frame}.png'}", "labels/{scene}"),
+        ("{kind: sam_clip, clip: labels}", "labels"),
+        ("{kind: sam_clip, clip: openai/clip}", None),
+    ],
+)
+def test_what_a_source_names_is_relative_to_the_job_file_where_it_is_a_path(
+    tmp_path: Path, text: str, found: str | None
+) -> None:
+    (tmp_path / "labels").mkdir()
+    job = f"{{name: a, output: b, captures: c, build: {{semantics: {{source: {text}}}}}}}"
+    source = load_build_job(write(tmp_path / "job.yaml", job)).build.semantics.source
+    assert source is not None
+    values = source.model_dump()
+    named = values["folder"] if "folder" in values else values["clip"]
+    assert named == ("openai/clip" if found is None else str(tmp_path / found))
+    assert values.get("instance", "{frame}.png") == "{frame}.png"
+
+
+def test_pattern_may_ask_for_what_lies_in_a_capture(room: Path, tmp_path: Path) -> None:
+    import shutil
+
+    shutil.copytree(room, tmp_path / "scans" / "one" / "inner")
+    (tmp_path / "scans" / "questions.jsonl").touch()
+    job = load_build_job(write(tmp_path / "job.yaml", "{name: a, output: b, captures: 'scans/*/inner/../inner'}"))
+    (planned,) = plan_captures(job)
+    assert planned.capture == str(tmp_path / "scans" / "one" / "inner")
+
+
 def test_one_capture_need_not_be_a_list(tmp_path: Path) -> None:
     job = load_build_job(write(tmp_path / "job.yaml", "{name: one, output: built, captures: kitchen}"))
     assert [entry.path for entry in job.captures] == [str(tmp_path / "kitchen")]
@@ -157,8 +188,10 @@ def test_minutes_alone_end_the_optimisation(
         raise StopError("enough")
 
     monkeypatch.setattr("jobs.build_captures.submit_build", refuse)
-    CliRunner().invoke(app, ["build", "--capture", str(room), "--output", str(tmp_path), *options])
+    others = ["--start", "depth", "--no-depth-loss"]
+    CliRunner().invoke(app, ["build", "--capture", str(room), "--output", str(tmp_path), *options, *others])
     (job,) = asked
+    assert (job.build.start, job.build.train.depth_first) == ("depth", 0.0)
     assert job.build.train.steps == (TrainConfig().steps if steps is None else steps)
     assert job.build.train.minutes == (5.0 if options else None)
 
