@@ -17,6 +17,7 @@ import numpy as np
 from PIL import Image
 
 from pipeline.construct.fuse import fuse
+from pipeline.construct.fuse_config import FusionConfig
 from pipeline.geometry.pose import opengl_to_opencv
 from pipeline.metrics.image_quality import depth_errors, psnr, ssim
 from pipeline.render import prepare, render
@@ -25,6 +26,8 @@ from pipeline.scene.formats.read import load_gaussians
 
 EVERY, HELD_OUT = 5, 4
 """Frames with index % EVERY == HELD_OUT are judged, the others fitted."""
+VOXEL_M = 0.02
+"""Spacing of the points to start from, metres."""
 C0 = 0.28209479177387814
 """Factor of the constant spherical harmonic."""
 
@@ -49,7 +52,7 @@ def export(capture: str, folder: Path) -> None:
         lens = {"fl_x": camera.K[0, 0], "fl_y": camera.K[1, 1], "cx": camera.K[0, 2], "cy": camera.K[1, 2]}
         size = {"w": camera.width, "h": camera.height}
         entries.append({"file_path": file, "transform_matrix": pose.tolist(), **size, **lens})
-    start = fuse(fitted).gaussians
+    start = fuse(fitted, FusionConfig(voxel_m=VOXEL_M)).gaussians
     colors = np.clip((start.sh[:, 0] * C0 + 0.5) * 255, 0, 255).astype(np.uint8)
     table = np.zeros(len(start), [(n, "<f4") for n in "xyz"] + [(n, "u1") for n in ("red", "green", "blue")])
     for axis, name in enumerate("xyz"):

@@ -16,7 +16,6 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import numpy as np
 import torch
 
 from pipeline.construct.fuse import fuse
@@ -30,8 +29,6 @@ from pipeline.construct.train_config import TrainConfig
 from pipeline.construct.train_progress import TrainProgress, held_out_quality
 from pipeline.construct.train_state import PARAMETERS, TrainState
 from pipeline.construct.train_views import TrainViews
-from pipeline.metrics.image_quality import psnr
-from pipeline.render import prepare, render
 from pipeline.scene import Gaussians
 from pipeline.scene.captures import Frame, open_capture
 
@@ -49,7 +46,8 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "full-scale": {"scales": [[0.0, 1.0]]},
     "half-scale": {"scales": [[0.0, 0.5]]},
     "exposure": {"exposure": True},
-    "poses": {"poses": True},
+    "poses": {"refine_poses": True},
+    "photos": {"refine_poses": True, "exposure": True},
     "degree-0": {"sh_degree": 0},
     "degree-3": {"sh_degree": 3},
     "no-dssim": {"dssim_weight": 0.0},
@@ -59,34 +57,14 @@ VARIANTS: dict[str, dict[str, Any]] = {
 
 
 def curve(name: str, start: Gaussians, fitted: Sequence[Frame], held_out: Sequence[Frame], config: TrainConfig) -> None:
-    """Train once and print a line for every report that looked at held-out frames, and for these once registered."""
+    """Train once and print a line for every report that looked at held-out frames."""
     cpu = time.process_time()
 
     def tell(report: TrainProgress) -> None:
         if report.held_out is not None:
             show(name, report, time.process_time() - cpu)
 
-    trained = train(start, fitted, config, held_out=held_out, progress=tell)
-    registered(name, trained.gaussians, held_out, config.threads)
-
-
-def registered(name: str, gaussians: Gaussians, held_out: Sequence[Frame], threads: int) -> None:
-    """Print quality where the held-out photographs are first put where the scene shows them: six numbers a frame."""
-    found = register_photos(gaussians, held_out, centered=False, threads=threads)
-    quality = held_out_quality(gaussians, found.frames, threads=threads)
-    prepared, exposed = prepare(gaussians), []
-    for frame in found.frames:
-        color, photo = render(prepared, frame.camera, ("color",), threads=threads).color, frame.read_image() / 255.0
-        assert color is not None, "it was asked for"
-        channels = zip(color.reshape(-1, 3).T, photo.reshape(-1, 3).T, strict=True)
-        fitted = [np.polyval(np.polyfit(ours, theirs, 1), ours) for ours, theirs in channels]
-        exposed.append(psnr(np.stack(fitted, axis=-1).reshape(photo.shape), photo))
-    print(
-        f"{name:12s} held-out photographs registered (median {1e3 * np.median(found.moved_m):.0f} mm, "
-        f"{np.degrees(np.median(found.turned_rad)):.2f} degrees): {quality.psnr:.2f} dB {quality.ssim:.3f}, "
-        f"{np.mean(exposed):.2f} dB with a gain and an offset per channel",
-        flush=True,
-    )
+    train(start, fitted, config, held_out=held_out, progress=tell)
 
 
 def show(name: str, report: TrainProgress, cpu_s: float) -> None:
@@ -95,6 +73,10 @@ def show(name: str, report: TrainProgress, cpu_s: float) -> None:
     depth = (
         "" if quality.depth_abs_m is None else f"{1e3 * quality.depth_abs_m:5.0f} mm {quality.depth_within_5cm:6.1%}"
     )
+    if quality.aligned_psnr is not None:
+        depth += (
+            f"; aligned {quality.aligned_psnr:.2f} dB {quality.aligned_ssim:.3f}, exposed {quality.exposed_psnr:.2f} dB"
+        )
     print(
         f"{name:12s} {report.step:6d} steps {report.seconds:6.0f} s {cpu_s:6.0f} CPU s {report.gaussians:8,d} "
         f"{quality.psnr:6.2f} dB {quality.ssim:.3f} {depth}",
@@ -165,15 +147,17 @@ def main() -> None:
     fusion = {"threads": args.threads} | ({} if args.voxel is None else {"voxel_m": args.voxel})
     began, cpu = time.perf_counter(), time.process_time()
     start = fuse(fitted, FusionConfig.model_validate(fusion)).gaussians
+    for _ in range(args.register):
+        fitted = register_photos(start, fitted, threads=args.threads).frames
+        start = fuse(fitted, FusionConfig.model_validate(fusion)).gaussians
     print(
         f"fused: {time.perf_counter() - began:.0f} s, {time.process_time() - cpu:.0f} CPU s, {len(start):,} Gaussians"
     )
     if args.parts:
         parts(start, fitted, args.threads)
         return
-    quality = held_out_quality(start, held_out, threads=args.threads)
+    quality = held_out_quality(start, held_out, aligned=True, threads=args.threads)
     show("start", TrainProgress(0, 0, 0.0, 0.0, len(start), 1.0, None, None, quality), 0.0)
-    registered("start", start, held_out, args.threads)
     for name in args.variants:
         told = {"threads": args.threads, "evaluate_steps": args.every, "report_steps": args.every}
         told |= {"steps": args.steps} if args.steps else {"steps": 1_000_000} if args.minutes else {}

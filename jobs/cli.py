@@ -27,6 +27,7 @@ from jobs.verbs import (
     submit,
     table,
     verify,
+    view,
 )
 from schemas.errors import InputError, SplatReasonerError
 
@@ -60,6 +61,7 @@ VERBS: dict[str, Callable[..., None]] = {
     "export": export.export,
     "table": table.table,
     "report": report.report,
+    "view": view.view,
 }
 """Verbs in the order in which a person meets them."""
 

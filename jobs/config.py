@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal, get_args, get_origin
 
 from pydantic import (
     BaseModel,
@@ -155,9 +156,8 @@ class JobConfig(BaseModel):
     def _money_has_prices(self) -> JobConfig:
         free = [name for name in self.models.remote_endpoints() if self.models.endpoints[name].price is None]
         if self.budget.usd is not None and free:
-            raise ValueError(
-                f"budget.usd needs usd_per_million_prompt and usd_per_million_completion of endpoint {free[0]}"
-            )
+            price = f"models.endpoints.{free[0]}.usd_per_million_prompt"
+            raise ValueError(f"{price}: expected a price, and one of replies, since budget.usd is a cap")
         return self
 
     def calls_folder(self) -> str:
@@ -236,17 +236,33 @@ def input_error(subject: object, detail: Any, root: type[BaseModel] = JobConfig)
             subject, field=".".join([*place, "kind"]), expected=f"one of {tags}", found=detail["ctx"]["tag"]
         )
     if kind == "extra_forbidden":
-        known = ", ".join(_fields_at(root, detail["loc"][:-1])) or "a known field"
-        return InputError(
-            subject, field=".".join(place[:-1]) or "top level", expected=f"one of {known}", found=place[-1]
-        )
-    expected = detail["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
-    found = "nothing" if kind == "missing" else repr(detail["input"])
+        known = _fields_at(root, detail["loc"][:-1])
+        expected = f"one of {', '.join(known)}" if known else "a known field"
+        meant = get_close_matches(place[-1], known, 1)
+        found = place[-1] + (f"; {meant[0]} is meant?" if meant else "")
+        return InputError(subject, field=".".join(place[:-1]) or "top level", expected=expected, found=found)
+    expected, value = detail["msg"].removeprefix("Input should be ").removeprefix("Value error, "), detail["input"]
+    field, stated, one = expected.partition(": expected ")
+    if kind == "value_error" and stated and isinstance(value, Mapping):
+        # A model's fields do not fit each other; its validator names the one to mend.
+        place, expected, value = [*place, field], one, _value_at(value, field)
+    found = repr(value)
     if kind == "missing":
-        expected = "a value"
+        expected, found = "a value", "nothing"
+    elif one and value is None:
+        found = "nothing"
+    elif place[-1] == "key_env" or (place[-1] == "base_url" and "@" in found):
+        found = "another text, not shown since it may hold a key"
     return InputError(
         subject, field=".".join(place), expected=expected, found=found if len(found) <= 80 else found[:77] + "..."
     )
+
+
+def _value_at(found: Any, place: str) -> Any:
+    """Return the value at a dotted place in plain data; None where there is none."""
+    for name in place.split("."):
+        found = found.get(name) if isinstance(found, Mapping) else None
+    return found
 
 
 def _place(root: type[BaseModel], place: tuple[Any, ...]) -> list[str]:
@@ -263,7 +279,9 @@ def _fields_at(root: type[BaseModel], place: tuple[Any, ...]) -> list[str]:
 def _model_at(found: Any, place: tuple[Any, ...]) -> Any:
     """Return the annotation at a place: a model, a union of methods, or None."""
     for part in place:
-        if members := _members(found):
+        if get_origin(found) is dict:
+            found = get_args(found)[1]
+        elif members := _members(found):
             found = members.get(part)
         elif isinstance(found, type) and issubclass(found, BaseModel) and str(part) in found.model_fields:
             found = found.model_fields[str(part)].annotation

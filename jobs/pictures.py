@@ -73,7 +73,7 @@ def render_views(
         stem = safe_name(view.name)
         kept = {kind: array for kind, array in arrays.items() if array is not None}
         for kind in outputs:
-            written.append(_save(_shown(kind, picture, kept, scene), output / f"{stem}.{kind}.png"))
+            written.append(save_picture(_shown(kind, picture, kept, scene), output / f"{stem}.{kind}.png"))
         if set(outputs) != {"color"}:
             path = output / f"{stem}.npz"
             np.savez_compressed(path, **kept)
@@ -81,7 +81,7 @@ def render_views(
         if sheet:
             colors.append(_shown("color", picture, kept, scene))
     if colors:
-        written.append(_save(contact_sheet(colors), output / "sheet.png"))
+        written.append(save_picture(contact_sheet(colors), output / "sheet.png"))
     return written
 
 
@@ -130,7 +130,8 @@ def _paletted(ids: Shaped[np.ndarray, "H W"]) -> UInt8[np.ndarray, "H W 3"]:
     return np.where((ids >= 0)[..., None], np.stack(parts, axis=-1), 0).astype(np.uint8)
 
 
-def _save(picture: UInt8[np.ndarray, "H W 3"], path: Path) -> Path:
+def save_picture(picture: UInt8[np.ndarray, "H W 3"], path: Path) -> Path:
+    """Write a picture, making its folder where it is missing; return the path."""
     from PIL import Image
 
     path.parent.mkdir(parents=True, exist_ok=True)

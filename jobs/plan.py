@@ -79,9 +79,11 @@ def plan_units(
         warn: Told what is odd and no reason to refuse.
 
     Raises:
-        InputError: See `load_dataset`, `basis_of` and `check_scene`. Nothing has run by then.
+        InputError: See `load_dataset`, `basis_of` and `check_scene`; or the output is one of the scenes. Nothing has run by then.
     """
     dataset, basis = load_dataset(config, subject, warn), dataclasses.asdict(basis_of(config))
+    if config.output in dataset.uris.values():
+        raise InputError(subject, field="output", expected="a folder of its own", found=f"the scene {config.output}")
     _check_scenes(config.method, dataset)
     parts = ((scene, part) for scene in dataset.scenes() for part in _chunks(scene.questions, config.workers.chunk))
     files = _Files(config.method)

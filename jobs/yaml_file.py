@@ -42,7 +42,9 @@ def read_yaml(path: str | Path) -> dict[str, Any]:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
         place = "" if mark is None else f" at line {mark.line + 1}, column {mark.column + 1}"
-        raise InputError(path, expected="YAML", found=f"{error.problem}{place}") from error
+        raise InputError(
+            path, expected="YAML", found=f"{(error.problem or str(error)).removeprefix('found ')}{place}"
+        ) from error
     except yaml.YAMLError as error:
         raise InputError(path, expected="YAML", found=str(error).splitlines()[0]) from error
     if not isinstance(found, dict):

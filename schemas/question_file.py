@@ -48,6 +48,10 @@ def read_lines(stream: BinaryIO, subject: str) -> Iterator[Line]:
         place = f"{subject} line {number}"
         try:
             text = line.decode("utf-8-sig" if number == 1 else "utf-8")
+            if number == 1 and text.lstrip().startswith("["):
+                found = InputError(place, expected="JSON Lines: one object a line", found="a JSON list around them")
+                yield Line(number, offset, found)
+                return
             if text.strip():
                 yield Line(number, offset, _question(_parse(text, place), place))
         except UnicodeDecodeError as error:

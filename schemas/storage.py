@@ -182,6 +182,8 @@ def _classified(uri: str | os.PathLike[str], expected: str) -> Iterator[None]:
         yield
     except FileNotFoundError as error:
         raise InputError(uri, expected=expected, found="nothing there") from error
+    except IsADirectoryError as error:
+        raise InputError(uri, expected=expected, found="a folder") from error
     except OSError as error:
         found = error.strerror or type(error).__name__
         if error.errno in _NO_ROOM:

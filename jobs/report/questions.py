@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from jobs.scores import ARMS
+from jobs.arm_order import place_of, standing_arm
 from pipeline.metrics.llm_match import match_score
 from schemas.run_folder import image_name
 
@@ -102,15 +102,6 @@ class Questions:
         return self._link + image if image in self._images else None
 
 
-def standing_arm(arms: Collection[str]) -> str:
-    """Return the arm whose answer counts: the last in the order of the method; empty for none."""
-    return max(arms, key=_place, default="")
-
-
-def _place(arm: str) -> tuple[int, str]:
-    return (ARMS.index(arm), "") if arm in ARMS else (len(ARMS), arm)
-
-
 def labels_of(status: str, arms: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """Return the labels of a question.
 
@@ -134,7 +125,7 @@ def labels_of(status: str, arms: Mapping[str, Mapping[str, Any]]) -> list[str]:
 
 
 def _listed(answer: Mapping[str, Any], arms: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    scores = [_rounded(_score(arms[name]), 1) for name in sorted(arms, key=_place)]
+    scores = [_rounded(_score(arms[name]), 1) for name in sorted(arms, key=place_of)]
     return {
         "id": answer["question_id"],
         "scene": answer["scene"],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING
 
 import typer
@@ -40,7 +41,8 @@ def end(result: RunResult) -> None:
     driven, status = result.driven, run_status(result.run)
     counts = ", ".join(f"{count} {name}" for name, count in sorted(status.statuses.items()))
     print(f"{result.run}: {driven.done} of {driven.planned} questions committed" + (f" ({counts})" if counts else ""))
-    for reason, count in list(status.reasons.items())[:REASONS]:
+    reasons = status.reasons or (_reasons(result.run) if status.statuses.get("failed") else {})
+    for reason, count in list(reasons.items())[:REASONS]:
         print(f"  {count} failed: {reason}")
     if driven.stopped:
         print(f"stopped; go on with: splatreasoner resume {result.run}")
@@ -49,6 +51,15 @@ def end(result: RunResult) -> None:
         print("every question failed")
         raise typer.Exit(FAILED)
     print(f"scores: splatreasoner aggregate {result.run}; page: splatreasoner report {result.run}")
+
+
+def _reasons(run: str) -> dict[str, int]:
+    """Return the reasons of failed questions by their rows: what a question itself lacks is in no diary."""
+    from schemas.answers import ANSWERS
+    from schemas.run_folder import RunFolder
+
+    rows = (row for part in RunFolder(run).parts(ANSWERS.name) for row in ANSWERS.to_rows(part))
+    return dict(Counter(row.reason for row in rows if row.status == "failed").most_common())
 
 
 def end_build(result: RunResult) -> None:

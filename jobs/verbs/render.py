@@ -1,4 +1,4 @@
-"""`splatreasoner render`: pictures of a scene from its recorded cameras."""
+"""`splatreasoner render`: pictures of a scene from its cameras and from above, and of what a run found there."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from schemas.errors import InputError
 
 
 def render(
@@ -19,14 +21,36 @@ def render(
     ] = "color",
     every: Annotated[int, typer.Option(help="Take every n-th view.", min=1)] = 1,
     sheet: Annotated[bool, typer.Option(help="Also put all colour pictures on one contact sheet.")] = False,
+    from_above: Annotated[
+        bool, typer.Option("--map", help="Write map.png instead: the scene from above, with the cameras' path.")
+    ] = False,
+    run: Annotated[str, typer.Option(help="Run folder, a path or URI, for --question.")] = "",
+    question: Annotated[
+        str, typer.Option(help="Draw a question's views, clusters and groundings instead, and on the map.")
+    ] = "",
     threads: Annotated[int, typer.Option(help="Threads a picture.", min=1)] = 1,
 ) -> None:
     """Render recorded views: PNG pictures to look at, and the exact arrays as NPZ.
 
-    Example: [bold]splatreasoner render demo/scenes/apartment-101 --camera 00010 --outputs color,depth
+    Examples: [bold]splatreasoner render demo/scenes/apartment-101 --camera 00010 --outputs color,depth
+    --output pictures[/bold]
+
+    [bold]splatreasoner render demo/scenes/apartment-101 --map --run demo/run --question apartment-101-multi-target-003
     --output pictures[/bold]
     """
-    from jobs.pictures import render_views
+    if bool(run) != bool(question):
+        raise InputError("--run and --question", expected="both or neither", found=f"only {run or question}")
+    if not (from_above or question):
+        from jobs.pictures import render_views
 
-    written = render_views(scene, output, camera or [], outputs.split(","), every=every, sheet=sheet, threads=threads)
+        names, kinds = camera or [], outputs.split(",")
+        written = render_views(scene, output, names, kinds, every=every, sheet=sheet, threads=threads)
+    elif camera:
+        raise InputError("--camera", expected="no --map and no --question beside it", found=", ".join(camera))
+    else:
+        from jobs.drawing.question_files import draw_files
+
+        written = draw_files(
+            scene, output, run=run, question_id=question, on_map=from_above, sheet=sheet, threads=threads
+        )
     print(f"{len(written)} files in {output}")

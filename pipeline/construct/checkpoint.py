@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+import uuid
 import zipfile
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -38,7 +40,8 @@ def save_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
         InputError: The place may not be written.
     """
     head = json.dumps({"format": FORMAT, "run": checkpoint.run, **checkpoint.head}).encode()
-    aside = path.with_name(path.name + ".part")
+    # A name of its own: a worker that outlives its driver may write at the same time as the one that goes on.
+    aside = path.with_name(f"{path.name}.{uuid.uuid4().hex}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with aside.open("wb") as file:
@@ -47,6 +50,8 @@ def save_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
             os.fsync(file.fileno())
         os.replace(aside, path)
     except OSError as error:
+        with suppress(OSError):
+            aside.unlink()
         raise InputError(path, expected="a place for checkpoints that can be written", found=error) from error
 
 

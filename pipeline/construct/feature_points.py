@@ -16,10 +16,11 @@ from pipeline.geometry import Camera
 from pipeline.scene.captures import SparsePoints
 from schemas.errors import InputError
 
-CORNERS = 400
+CORNERS = 2000
 """Corners looked for in a photograph."""
-CORNER_SHARE = 0.01
-"""Of the strongest corner's strength, what one needs at least (OpenCV's usual quality level)."""
+CORNER_SHARE = 1e-4
+"""Of the strongest corner's strength, what one needs at least: generated photographs have no noise, so that weak ones
+are found again, where photographs of real rooms have texture instead."""
 CORNER_SIGMA_PX = 1.5
 """Window over which gradients are summed."""
 CORNER_REACH_PX = 5

@@ -43,7 +43,7 @@ class PhotoCorrections:
         """Return the camera of a photograph at its fitted pose."""
         return (
             moved(camera, self._tables[f"{POSES}.value"][index].cpu().double().numpy())
-            if self._config.poses
+            if self._config.refine_poses
             else camera
         )
 

@@ -96,7 +96,7 @@ def ssim_forward(first, last, height, width, x, y, by_mean, by_square, by_produc
 
 @kernel
 def ssim_backward(first, last, height, width, x, y, by_mean, by_square, by_product, l1_scale, ssim_scale, gradient):
-    """Write gradient (height * width,) float32 by x of l1_scale sum|x - y| + ssim_scale sum SSIM: rows first to last."""
+    """Write gradient (height * width,) float32 by x of l1_scale sum|x - y| + ssim_scale sum SSIM, in these rows."""
     tall = last - first + 2 * RADIUS
     rows = np.zeros((3, tall * width), np.float32)
     padded = np.zeros((3, width + 2 * PAD), np.float32)

@@ -144,7 +144,7 @@ class _Trainer:
     def finished(self, progress: Callable[[TrainProgress], object] | None) -> Trained:
         """Return the result, with a last report where there is none of this step yet."""
         if not self._history or self._history[-1].step < self.step or self.step == 0:
-            report = self._report(evaluate=True)
+            report = self._report(evaluate=True, aligned=True)
             self.save()
             if progress is not None:
                 progress(report)
@@ -201,7 +201,7 @@ class _Trainer:
                     image.grad[quiet] = 0.0
         gradients = raster.seen_gradients()
         by_pose = None
-        if config.poses:
+        if config.refine_poses:
             means, quats = (state.values[name][gradients.ids] for name in ("means", "quats"))
             by_pose = pose_gradient(camera, means, quats, gradients.means, gradients.quats)
         self._corrections.step(index, exposure, by_pose)
@@ -251,11 +251,13 @@ class _Trainer:
         if density.reset_every > 0 and self.step % density.reset_every == 0:
             cut_opacities(self.state, density.reset_to)
 
-    def _report(self, *, evaluate: bool) -> TrainProgress:
+    def _report(self, *, evaluate: bool, aligned: bool = False) -> TrainProgress:
         loss, psnr, count = self._sums
         held_out = None
         if evaluate and self._held_out:
-            held_out = held_out_quality(self.state.gaussians(), self._held_out, threads=self.config.threads)
+            held_out = held_out_quality(
+                self.state.gaussians(), self._held_out, aligned=aligned, threads=self.config.threads
+            )
         report = TrainProgress(
             step=self.step,
             steps=self.config.steps,

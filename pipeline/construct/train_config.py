@@ -89,7 +89,10 @@ class TrainConfig(BaseModel):
         default=1024, ge=16, description="Photographs whose longer side has more pixels are scaled down to it."
     )
     exposure: bool = Field(default=False, description="Fit a gain and an offset per photograph and channel.")
-    poses: bool = Field(default=False, description="Fit each photograph's pose.")
+    refine_poses: bool = Field(
+        default=False,
+        description="Fit each photograph's pose: for captures whose photographs are out of step with them.",
+    )
     tile_error_floor: float = Field(
         default=0.0,
         ge=0,

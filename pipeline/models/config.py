@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -94,6 +95,14 @@ class EndpointConfig(BaseModel):
         None, ge=0, description="price of a million reply tokens, US dollars"
     )
 
+    @field_validator("key_env")
+    @classmethod
+    def _name_of_a_variable(cls, value: str | None) -> str | None:
+        # A key pasted here would be written into run.json. Lower case is refused since keys have it.
+        if value is not None and not re.fullmatch("[A-Z_][A-Z0-9_]*", value):
+            raise ValueError("the name of an environment variable, in capitals, such as OPENAI_API_KEY")
+        return value
+
     @field_validator("base_url")
     @classmethod
     def _address_without_secrets(cls, value: str) -> str:
@@ -105,8 +114,10 @@ class EndpointConfig(BaseModel):
 
     @model_validator(mode="after")
     def _address_and_model(self) -> EndpointConfig:
-        if self.kind == "openai" and not (self.base_url and self.model):
-            raise ValueError("kind openai needs base_url and model")
+        if self.kind == "openai":
+            for name in ("base_url", "model"):
+                if not getattr(self, name):
+                    raise ValueError(f"{name}: expected a text, which kind openai needs")
         if self.structured != "none" and "response_format" in self.extra_body:
             raise ValueError("structured sends response_format; leave it out of extra_body")
         if (self.usd_per_million_prompt is None) != (self.usd_per_million_completion is None):
@@ -167,7 +178,7 @@ class ModelConfig(BaseModel):
                 raise ValueError(f"endpoint name {name!r} must not be empty or hold a colon")
         for place, name in [("default", self.default), *((f"stages.{s}", n) for s, n in self.stages.items())]:
             if name not in self.endpoints:
-                raise ValueError(f"{place}: {name!r} is no endpoint; there are {', '.join(sorted(self.endpoints))}")
+                raise ValueError(f"{place}: expected an endpoint: {', '.join(sorted(self.endpoints))}")
         return self
 
     def endpoint_of(self, stage: Stage) -> str:

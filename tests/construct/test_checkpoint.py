@@ -31,7 +31,7 @@ def test_without_a_file_there_is_nothing_to_go_on_from(tmp_path: Path) -> None:
 def test_a_half_written_file_beside_it_does_no_harm(tmp_path: Path) -> None:
     path = tmp_path / "train.npz"
     save_checkpoint(path, _checkpoint(1))
-    path.with_name("train.npz.part").write_bytes(path.read_bytes()[:100])
+    path.with_name("train.npz.0.part").write_bytes(path.read_bytes()[:100])
     loaded = load_checkpoint(path, "run")
     assert loaded is not None
     assert loaded.head["step"] == 1

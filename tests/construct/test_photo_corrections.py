@@ -52,7 +52,7 @@ def test_pose_gradient_meets_finite_differences() -> None:
 
 
 def test_corrections_are_fitted_where_asked_and_centred_on_nothing() -> None:
-    corrections = PhotoCorrections(3, TrainConfig(exposure=True, poses=True))
+    corrections = PhotoCorrections(3, TrainConfig(exposure=True, refine_poses=True))
     exposure = corrections.exposure(1)
     assert exposure is not None
     exposure.grad = torch.ones(2, 3)
@@ -69,7 +69,7 @@ def test_corrections_are_fitted_where_asked_and_centred_on_nothing() -> None:
     others = [corrections.exposure(k).detach().numpy() for k in range(3)]  # type: ignore[union-attr]
     assert np.sum(others, axis=0) == pytest.approx(0.0, abs=1e-8)
     assert others[0] == pytest.approx(rates.exposures / 3)
-    again = PhotoCorrections(3, TrainConfig(exposure=True, poses=True))
+    again = PhotoCorrections(3, TrainConfig(exposure=True, refine_poses=True))
     again.restore(corrections.arrays())
     assert np.array_equal(again.camera(2, CAMERA).world_to_camera, corrections.camera(2, CAMERA).world_to_camera)
 

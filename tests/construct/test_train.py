@@ -92,7 +92,7 @@ def test_the_same_run_twice_gives_the_same_bits_at_any_thread_count() -> None:
 
 @pytest.mark.parametrize("poses", [False, True])
 def test_a_run_that_is_stopped_again_and_again_ends_with_the_same_bits(tmp_path: Path, poses: bool) -> None:
-    config = CONFIG.model_copy(update={"poses": poses, "exposure": poses})
+    config = CONFIG.model_copy(update={"refine_poses": poses, "exposure": poses})
     whole = train(START, FITTED, config, held_out=HELD_OUT)
     path = tmp_path / "train.npz"
     for session in (1, 2, 3):
@@ -197,7 +197,7 @@ def test_fitted_poses_find_photographs_that_were_moved() -> None:
     psnrs = []
     for poses in (False, True):
         rates = LearningRates(poses=2e-3, colors=2e-2)
-        config = STILL.model_copy(update={"steps": 100, "poses": poses, "rates": rates})
+        config = STILL.model_copy(update={"steps": 100, "refine_poses": poses, "rates": rates})
         psnrs.append(train(TRUTH, off, config).history[-1].psnr)
     assert psnrs[0] is not None
     assert psnrs[1] is not None

@@ -13,12 +13,13 @@ from hypothesis.extra.numpy import arrays
 from PIL import Image
 
 from jobs.dataset import scene_sha256
+from jobs.drawing.map_frame import axes_of, frame_of, up_of
+from jobs.drawing.overlays import COLORS, EDGE, FILL, groups_image, outline, overlay
+from jobs.drawing.scene_places import PlannedScene, find_scene
+from jobs.drawing.to_draw import ToDraw
+from jobs.drawing.top_down import HEIGHT_M, map_camera
 from jobs.report.drawing import draw_scene
-from jobs.report.overlays import COLORS, EDGE, FILL, groups_image, outline, overlay
-from jobs.report.scene_places import PlannedScene, find_scene
 from jobs.report.shards import DataFolder
-from jobs.report.to_draw import ToDraw
-from jobs.report.top_down import HEIGHT_M, axes_of, frame_of, map_camera, up_of
 from pipeline.config import MethodConfig
 from pipeline.geometry import Camera
 from pipeline.scene.gaussians import Gaussians

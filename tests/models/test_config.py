@@ -62,11 +62,11 @@ def test_make_clients_missing_key_names_the_variable(monkeypatch: pytest.MonkeyP
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        ({"default": "gpt"}, "'gpt' is no endpoint"),
-        ({"stages": {"judge": "gpt"}}, "stages.judge: 'gpt'"),
+        ({"default": "gpt"}, "default: expected an endpoint: symbolic"),
+        ({"stages": {"judge": "gpt"}}, "stages.judge: expected an endpoint"),
         ({"stages": {"judging": "symbolic"}}, "judging"),
         ({"endpoints": {"a:b": LOCAL}}, "colon"),
-        ({"endpoints": {"a": {**LOCAL, "model": ""}}}, "base_url and model"),
+        ({"endpoints": {"a": {**LOCAL, "model": ""}}}, "model: expected a text"),
         ({"endpoints": {"a": {**LOCAL, "base_url": "localhost:8000"}}}, "http://"),
         ({"endpoints": {"a": {**LOCAL, "base_url": "http://me:secret@host/v1"}}}, "key_env"),
         ({"endpoints": {"a": {**LOCAL, "base_url": "http://host/v1?key=secret"}}}, "key_env"),

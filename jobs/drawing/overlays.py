@@ -75,7 +75,7 @@ def overlay(
     shades: list[tuple[int, int, int, int]] = [(0, 0, 0, 0)]
     for label in np.unique(labels[labels > 0]):
         mask = labels == label
-        color = _rgb(COLORS[(int(label) - 1) % len(COLORS)])
+        color = rgb_of(int(label) - 1)
         own = filled in (None, label)
         for where, opacity in ((mask, FILL if own else 0), (outline(mask, edge if own else 1), EDGE)):
             image[where] = len(shades)
@@ -89,6 +89,21 @@ def overlay(
     sink = io.BytesIO()
     picture.save(sink, "PNG", transparency=bytes(shade[3] for shade in shades), optimize=True)
     return sink.getvalue()
+
+
+def laid_over(color: UInt8[np.ndarray, "H W 3"], overlays: Sequence[bytes]) -> UInt8[np.ndarray, "H W 3"]:
+    """Return a picture with overlays of its size on top, in order."""
+    from PIL import Image
+
+    picture = Image.fromarray(color).convert("RGBA")
+    for mask in overlays:
+        picture.alpha_composite(Image.open(io.BytesIO(mask)).convert("RGBA"))
+    return np.asarray(picture.convert("RGB"))
+
+
+def rgb_of(number: int) -> tuple[int, int, int]:
+    """Return the colour of a cluster or instance."""
+    return _rgb(COLORS[number % len(COLORS)])
 
 
 def _rgb(color: str) -> tuple[int, int, int]:

@@ -1,4 +1,4 @@
-"""A scene seen from above: the frame that maps are drawn in, and its picture, cut off above eye level."""
+"""The frame that maps are drawn in: a plane that looks down on a scene, cut to what the scene fills."""
 
 from __future__ import annotations
 
@@ -7,17 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, UInt8
-
-from pipeline.geometry import Camera
-from pipeline.render import PreparedGaussians, color_image, render
+from jaxtyping import Float
 
 LONG_SIDE = 720
-"""Pixels of the longer side of a map."""
-HEIGHT_M = 100.0
-"""How far above the cut the camera hangs: walls of 2 m then lean by 2 % of their distance from the middle."""
-ABOVE_EYES_M = 0.2
-"""The cut lies so far above the median camera: ceilings and lamps go, furniture stays."""
+"""Pixels of the longer side of a map on a page."""
 OUTLIERS = (0.5, 99.5)
 """Percentiles of the Gaussians that the map reaches: floaters outside would shrink the rooms."""
 MARGIN_M = 0.3
@@ -39,6 +32,15 @@ class MapFrame:
     def at(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 2"]:
         """Return where points lie on the map, metres from its upper left corner."""
         return np.asarray(points, np.float64) @ np.stack([self.right, self.down], axis=1) - self.low
+
+    def per_metre(self, long_side: int) -> float:
+        """Return pixels a metre on a map whose longer side has `long_side`."""
+        return long_side / float(self.size.max())
+
+    def pixels(self, long_side: int) -> tuple[int, int]:
+        """Return width and height of that map, pixels."""
+        width, height = (max(16, round(float(side) * self.per_metre(long_side))) for side in self.size)
+        return width, height
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data for the page."""
@@ -84,32 +86,3 @@ def frame_of(
     every = np.concatenate(corners) if sum(map(len, corners)) else np.zeros((1, 2))
     low, high = every.min(axis=0) - MARGIN_M, every.max(axis=0) + MARGIN_M
     return MapFrame(right, down, low, high - low)
-
-
-def map_camera(frame: MapFrame, up: Float[np.ndarray, "3"], cut: float) -> Camera:
-    """Return a camera far above that sees the frame.
-
-    Args:
-        frame: What it sees.
-        up: Unit vector opposite to gravity.
-        cut: Height of the cut along `up`, metres; render with a near plane of `HEIGHT_M`.
-    """
-    per_metre = LONG_SIDE / float(frame.size.max())
-    width, height = (max(16, round(float(side) * per_metre)) for side in frame.size)
-    rotation = np.stack([frame.right, frame.down, -up])
-    middle = frame.low + frame.size / 2
-    centre = frame.right * middle[0] + frame.down * middle[1] + up * (cut + HEIGHT_M)
-    focal = per_metre * (HEIGHT_M + 1.0)  # to scale a metre below the cut, amid what stands on the floor
-    K = np.array([[focal, 0.0, width / 2], [0.0, focal, height / 2], [0.0, 0.0, 1.0]])
-    return Camera(K, np.column_stack([rotation, -rotation @ centre]), width, height)
-
-
-def map_picture(
-    gaussians: PreparedGaussians, frame: MapFrame, up: Float[np.ndarray, "3"], stands: Float[np.ndarray, "k 3"]
-) -> UInt8[np.ndarray, "H W 4"]:
-    """Return the scene below eye level from above, RGBA; clear where nothing is."""
-    cut = float(np.median(np.asarray(stands, np.float64) @ up)) + ABOVE_EYES_M
-    seen = render(gaussians, map_camera(frame, up, cut), ("color", "alpha"), near=HEIGHT_M)
-    assert seen.alpha is not None
-    alpha = np.rint(np.clip(seen.alpha, 0.0, 1.0) * 255.0).astype(np.uint8)
-    return np.dstack([color_image(seen), alpha])
