@@ -13,7 +13,7 @@ images/         thumbnails of the views that were considered
 results/        answers.parquet and arms.parquet, or builds.parquet, whole
 working/        checkpoints and progress of captures being built
 events.jsonl    what happened, a line each
-report.html     written by `report`
+report.html     written by `report`, with its data in report/
 """
 
 from __future__ import annotations

@@ -43,6 +43,8 @@ class Place:
     """Lens and pose."""
     picture: Callable[[], np.ndarray]
     """What is seen there: the photograph, or the render with what was found."""
+    sign: viser.CameraFrustumHandle
+    """Its node, which is hidden while one stands in it."""
 
 
 class Panel:
@@ -74,6 +76,7 @@ class Panel:
         # Callbacks come from several threads, and the context is for one.
         self._lock = threading.RLock()
         self._places: dict[str, Place] = {}
+        self._hidden: viser.CameraFrustumHandle | None = None
         gui = server.gui
         self._theme(dark)
         total = len(context.scene.gaussians)
@@ -86,30 +89,32 @@ class Panel:
             titles = (NO_QUESTION, *self._questions)
             first = next((title for title, key in self._questions.items() if key == question_id), NO_QUESTION)
             pick = gui.add_dropdown("Question", titles, initial_value=first)
-            pick.on_update(lambda event: self._guarded(event.client, lambda: self._choose(pick.value)))
+            pick.on_update(lambda event: self._guarded(event.client, lambda: self._choose(pick.value, event.client)))
         self._told = gui.add_html("")
         self._view = gui.add_dropdown("View", (NO_VIEW,))
-        self._view.on_update(lambda event: self._guarded(event.client, lambda: self._stand(event.client)))
+        self._view.on_update(self._picked)
         step = gui.add_button_group("Step", ("Previous", "Next"))
         step.on_click(lambda event: self._guarded(event.client, lambda: self._step(step.value == "Next", event.client)))
         self._picture = gui.add_image(np.zeros((3, 4, 3), np.uint8), visible=False)
         with gui.add_folder("Layers"):
             for name, label in LAYERS.items():
                 if name in ("splats", "cameras") or run is not None:
-                    self._switch(name, label)
+                    # A question's views are lost among hundreds of recorded ones.
+                    self._switch(name, label, run is None or name != "cameras")
         if run is not None:
             gui.add_html(_legend())
         box = gui.add_checkbox("Dark", dark)
         box.on_update(lambda event: self._theme(box.value))
-        self._choose(first if run is not None else NO_QUESTION)
+        self._choose(first if run is not None else NO_QUESTION, None)
 
     @property
     def start(self) -> Camera | None:
         """Where to stand at first: the first chosen view of the question, else the first recorded view."""
         return next((place.camera for place in self._places.values()), None)
 
-    def _switch(self, name: str, label: str) -> None:
-        box, layer = self._server.gui.add_checkbox(label, True), self._stage.layers[name]
+    def _switch(self, name: str, label: str, shown: bool) -> None:
+        box, layer = self._server.gui.add_checkbox(label, shown), self._stage.layers[name]
+        layer.visible = shown
 
         @box.on_update
         def _(event: Any) -> None:
@@ -119,7 +124,8 @@ class Panel:
         # The share button would publish the scene.
         self._server.gui.configure_theme(dark_mode=dark, show_logo=False, show_share_button=False)
 
-    def _choose(self, title: str) -> None:
+    def _choose(self, title: str, client: viser.ClientHandle | None) -> None:
+        self._hide(None)
         self._places = {}
         asked, groups = None, dict[int, Ids]()
         if self._run is not None and title in self._questions:
@@ -132,17 +138,19 @@ class Panel:
                 drawn = self._artist.view(question, row, groups, SMALL)
                 if camera is not None and drawn is not None:
                     shots[place] = camera, laid_over(drawn.color, [drawn.overlay] if drawn.overlay else [])
-                    self._places[_named(row)] = Place(camera, self._candidate(question, place, groups))
             self._stage.put(question, groups, shots)
+            for place in sorted(shots, key=lambda place: not question.candidates[place]["chosen"]):
+                picture, sign = self._candidate(question, place, groups), self._stage.candidates[place]
+                self._places[_named(question.candidates[place])] = Place(shots[place][0], picture, sign)
         else:
             self._stage.clear()
-        chosen_first = sorted(self._places.items(), key=lambda item: "chosen" not in item[0])
-        self._places = dict(chosen_first)
-        for view in self._stage.cameras:
-            self._places[f"recorded {view.name}"] = Place(view.camera, self._recorded(view.camera, view.image))
+        for view, sign in zip(self._stage.cameras, self._stage.frustums, strict=True):
+            picture = self._recorded(view.camera, view.image)
+            self._places[f"recorded {view.name}"] = Place(view.camera, picture, sign)
         self._told.content = "" if asked is None else _told(asked, len(groups))
         self._view.options = (NO_VIEW, *self._places)
-        self._view.value = NO_VIEW
+        self._set_view(next(iter(self._places), NO_VIEW))
+        self._stand(client)
 
     def _candidate(self, question: ToDraw, place: int, groups: dict[int, Ids]) -> Callable[[], np.ndarray]:
         def draw() -> np.ndarray:
@@ -161,8 +169,13 @@ class Panel:
 
         return draw
 
+    def _picked(self, event: Any) -> None:
+        if event.client is not None:  # else it was set here, and what follows from it is done
+            self._guarded(event.client, lambda: self._stand(event.client))
+
     def _stand(self, client: viser.ClientHandle | None) -> None:
         place = self._places.get(self._view.value)
+        self._hide(place)
         self._picture.visible = place is not None
         if place is None:
             return
@@ -175,10 +188,22 @@ class Panel:
                 client.camera.fov = vertical_fov(camera)
         self._picture.image = place.picture()
 
+    def _hide(self, place: Place | None) -> None:
+        """Hide the sign of the place that one stands in, which would fill the view, and show that of the last."""
+        if self._hidden is not None:
+            self._hidden.visible = True
+        self._hidden = None if place is None else place.sign
+        if self._hidden is not None:
+            self._hidden.visible = False
+
     def _step(self, forward: bool, client: viser.ClientHandle | None) -> None:
         names = self._view.options
-        self._view.value = names[(names.index(self._view.value) + (1 if forward else -1)) % len(names)]
+        self._set_view(names[(names.index(self._view.value) + (1 if forward else -1)) % len(names)])
         self._stand(client)
+
+    def _set_view(self, name: str) -> None:
+        # The setter is there; the library's types do not show it.
+        setattr(self._view, "value", name)  # noqa: B010
 
     def _guarded(self, client: viser.ClientHandle | None, work: Callable[[], None]) -> None:
         """Do it, alone; an error is told to the person whose click it was."""

@@ -62,7 +62,7 @@ class Viewer:
             asked.to_draw(question_id)
         context = SceneContext(load_scene(scene_uri))
         with redirect_stdout(io.StringIO()):
-            self._server = _server_class()(host=options.host, port=port, label=context.scene.name)
+            self._server = _server_class()(host=options.host, port=port, label=context.scene.name, verbose=False)
         try:
             self.port = self._server.get_port()
             """Port it listens at."""

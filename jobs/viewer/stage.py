@@ -37,7 +37,8 @@ MOST_CAMERAS = 300
 """Recorded cameras that are drawn, evenly spaced: more hide the room."""
 THUMBNAIL = 160
 """Longest side of a photograph in a recorded camera, pixels."""
-CAMERA_M, VIEW_M, LINE_M = 0.12, 0.25, 0.008
+CAMERA_M, VIEW_M, LINE_M = 0.06, 0.12, 0.003
+"""Depth of a camera's frustum, of a chosen view's, and width of their lines."""
 RECORDED = (73, 80, 87)
 RIGHT, TOO_MUCH, MISSED = (47, 158, 68), (232, 89, 12), (28, 126, 214)
 """Grounded and true; grounded and not true; true and not grounded."""
@@ -66,10 +67,13 @@ class Stage:
         views = context.scene.views
         self.cameras: tuple[View, ...] = views[:: -(-len(views) // MOST_CAMERAS) or 1]
         """Recorded views drawn."""
-        self._frustums = [
+        self.frustums = [
             self._frustum(f"/cameras/{place}", view.camera, CAMERA_M, RECORDED)
             for place, view in enumerate(self.cameras)
         ]
+        """Their nodes."""
+        self.candidates: dict[int, viser.CameraFrustumHandle] = {}
+        """Nodes of the question's candidates, by their place among its rows."""
         self._of_question: list[Any] = []
 
     def photographs(self) -> Iterator[str]:
@@ -78,7 +82,7 @@ class Stage:
         Raises:
             InputError: A photograph cannot be read.
         """
-        for view, frustum in zip(self.cameras, self._frustums, strict=True):
+        for view, frustum in zip(self.cameras, self.frustums, strict=True):
             if view.image is not None:
                 fitted = fitted_to(view.camera, THUMBNAIL)
                 frustum.image = read_photo(view.image, fitted.width, fitted.height)
@@ -89,6 +93,7 @@ class Stage:
         for node in self._of_question:
             node.remove()
         self._of_question.clear()
+        self.candidates = {}
 
     def put(
         self,
@@ -116,6 +121,7 @@ class Stage:
             size = VIEW_M if row["chosen"] else CAMERA_M
             node = self._frustum(f"/views/{place}", camera, size, rgb_of(int(row["cluster"])), bool(row["chosen"]))
             node.image = picture
+            self.candidates[place] = node
             self._of_question.append(node)
         for name, (mask, color) in self._groundings(question).items():
             if mask.any():
