@@ -1,12 +1,15 @@
 """What training buys a capture: quality on held-out frames against time, for settings side by side.
 
-    python -m benchmarks.training CAPTURE [--register 1] [--variants default no-depth] [--minutes 10 | --steps 1000]
+    python -m benchmarks.training CAPTURE [--variants default no-depth photos points] [--cpu-seconds 60 180 600]
+    python -m benchmarks.training --procedural [--variants default points] [--steps 0 200 1000]
     python -m benchmarks.training CAPTURE --parts
 
-Every fifth frame is held out; all else is fused and fitted. CPU is the whole process's; on a machine that does other
-work compare that, and take `--steps` instead of `--minutes`. Photographs that are out of step with the poses cap what
-any scene can reach on held-out frames: each variant ends with a line where these are registered to the scene, by their
-poses alone. `--parts` tells what a step is made of, per image scale.
+Every fifth frame is held out; all else is fused and fitted. Each budget is a run of its own, since schedules follow
+it; CPU seconds are the whole process's and stand other work on the machine. Three figures of PSNR: at the recorded
+poses; at poses fitted to the scene, since photographs that are out of step with their poses cap what any scene can
+reach; and there with a gain and an offset per channel, since a camera sets its own exposure. `--procedural` takes a
+generated apartment, whose poses, exposures and held-out depth are exact, and a depth camera's noise for the others.
+`--parts` tells what a step is made of, per image scale.
 """
 
 from __future__ import annotations
@@ -14,16 +17,23 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
 import torch
 
+from pipeline.construct.depth_sensor import structured_light
+from pipeline.construct.depth_warp import inverse_depth_in
+from pipeline.construct.feature_points import KnownFrame, feature_points
 from pipeline.construct.fuse import fuse
 from pipeline.construct.fuse_config import FusionConfig
 from pipeline.construct.losses import inverse_depth_loss, photometric_loss, torch_ssim
+from pipeline.construct.procedural_frames import rgbd_frames
 from pipeline.construct.rasterizer import rasterize_seen
 from pipeline.construct.register_photos import register_photos
 from pipeline.construct.sparse_adam import sparse_adam
+from pipeline.construct.sparse_start import start_from_points
 from pipeline.construct.train import train
 from pipeline.construct.train_config import TrainConfig
 from pipeline.construct.train_progress import TrainProgress, held_out_quality
@@ -31,15 +41,21 @@ from pipeline.construct.train_state import PARAMETERS, TrainState
 from pipeline.construct.train_views import TrainViews
 from pipeline.scene import Gaussians
 from pipeline.scene.captures import Frame, open_capture
+from pipeline.scene.procedural import build_apartment
 
 THREEDGS_RATES = {
     "means": 1.6e-4, "means_last": 1.6e-6, "quats": 1e-3, "log_scales": 5e-3, "opacity_logits": 0.05,
     "colors": 2.5e-3, "directions": 1.25e-4, "last_share": 1.0,
 }  # fmt: skip
 """Made for 30,000 steps."""
+PHOTOS = {"refine_poses": True, "exposure": True}
+SPARSE = {"depth_first": 0.0, "density": {"every": 100}}
 VARIANTS: dict[str, dict[str, Any]] = {
     "default": {},
     "no-depth": {"depth_first": 0.0},
+    "photos": PHOTOS,
+    "points": SPARSE,
+    "points-as-they-are": {"depth_first": 0.0},
     "density": {"density": {"every": 100}},
     "reset": {"density": {"every": 100, "reset_every": 300}},
     "3dgs-rates": {"rates": THREEDGS_RATES},
@@ -47,41 +63,106 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "half-scale": {"scales": [[0.0, 0.5]]},
     "exposure": {"exposure": True},
     "poses": {"refine_poses": True},
-    "photos": {"refine_poses": True, "exposure": True},
     "degree-0": {"sh_degree": 0},
     "degree-3": {"sh_degree": 3},
     "no-dssim": {"dssim_weight": 0.0},
     "floor": {"tile_error_floor": 0.02},
 }
 """What differs from the defaults."""
+REGISTERED = ("photos",)
+"""Variants whose photographs are registered to the scene, which is then fused again, before anything is fitted."""
+FROM_POINTS = ("points", "points-as-they-are")
+"""Variants that start from sparse points."""
+COLUMNS = (
+    "variant", "steps", "Gaussians", "CPU s", "wall s", "PSNR recorded", "fitted pose", "and exposure",
+    "SSIM recorded", "fitted pose", "depth error mm", "within 5 cm",
+)  # fmt: skip
 
 
-def curve(name: str, start: Gaussians, fitted: Sequence[Frame], held_out: Sequence[Frame], config: TrainConfig) -> None:
-    """Train once and print a line for every report that looked at held-out frames."""
-    cpu = time.process_time()
+@dataclass(frozen=True)
+class Held:
+    """An image in memory."""
 
-    def tell(report: TrainProgress) -> None:
-        if report.held_out is not None:
-            show(name, report, time.process_time() - cpu)
+    pixels: np.ndarray
 
-    train(start, fitted, config, held_out=held_out, progress=tell)
+    def read(self) -> np.ndarray:
+        """Return it."""
+        return self.pixels
 
 
-def show(name: str, report: TrainProgress, cpu_s: float) -> None:
-    quality = report.held_out
-    assert quality is not None
-    depth = (
-        "" if quality.depth_abs_m is None else f"{1e3 * quality.depth_abs_m:5.0f} mm {quality.depth_within_5cm:6.1%}"
-    )
-    if quality.aligned_psnr is not None:
-        depth += (
-            f"; aligned {quality.aligned_psnr:.2f} dB {quality.aligned_ssim:.3f}, exposed {quality.exposed_psnr:.2f} dB"
+@dataclass
+class Bench:
+    """A capture, split, and the settings that all variants share."""
+
+    fitted: Sequence[Frame]
+    held_out: Sequence[Frame]
+    fusion: FusionConfig
+    exact: bool
+    """Whether held-out poses and exposures are true, and need no fit."""
+
+    def start(self, name: str) -> tuple[Gaussians, Sequence[Frame]]:
+        """Return what a variant starts from, and the frames it fits."""
+        if name in FROM_POINTS:
+            points = feature_points([_known(frame) for frame in self.fitted], np.random.default_rng(0))
+            return start_from_points(points, [frame.camera for frame in self.fitted]), self.fitted
+        made, frames = fuse(self.fitted, self.fusion).gaussians, self.fitted
+        if name in REGISTERED:
+            frames = register_photos(made, frames, threads=self.fusion.threads).frames
+            made = fuse(frames, self.fusion).gaussians
+        return made, frames
+
+    def show(self, name: str, gaussians: Gaussians, steps: int, cpu_s: float, wall_s: float) -> None:
+        """Print a row of the table."""
+        q = held_out_quality(gaussians, self.held_out, aligned=not self.exact, threads=self.fusion.threads)
+        row = [name, f"{steps:,}", f"{len(gaussians):,}", f"{cpu_s:.0f}", f"{wall_s:.0f}", f"{q.psnr:.2f}"]
+        row += ["" if value is None else f"{value:.2f}" for value in (q.aligned_psnr, q.exposed_psnr)]
+        row += [f"{q.ssim:.3f}", "" if q.aligned_ssim is None else f"{q.aligned_ssim:.3f}"]
+        row += ["", ""] if q.depth_abs_m is None else [f"{1e3 * q.depth_abs_m:.1f}", f"{q.depth_within_5cm:.1%}"]
+        print("| " + " | ".join(row) + " |", flush=True)
+
+    def run(self, name: str, budgets: Sequence[dict[str, Any]], along: int) -> None:
+        """Print a variant's start, and what each budget makes of it."""
+        cpu, wall = time.process_time(), time.perf_counter()
+        start, frames = self.start(name)
+        self.show(f"{name}: start", start, 0, time.process_time() - cpu, time.perf_counter() - wall)
+        for budget in budgets:
+            told = {"threads": self.fusion.threads, "report_steps": along or 1_000_000, "evaluate_steps": along}
+            config = TrainConfig.model_validate({**told, **budget, **VARIANTS[name]})
+            cpu, wall = time.process_time(), time.perf_counter()
+            trained = train(
+                start, frames, config, clock=time.process_time, progress=_tell, held_out=self.held_out if along else ()
+            )
+            spent = trained.history[-1]
+            wall = time.perf_counter() - wall
+            self.show(name, trained.gaussians, spent.step, spent.seconds, wall)
+
+
+def _tell(report: TrainProgress) -> None:
+    if report.held_out is not None and report.share < 1:
+        print(
+            f"  {report.step} steps, {report.seconds:.0f} CPU s: {report.held_out.psnr:.2f} dB as recorded", flush=True
         )
-    print(
-        f"{name:12s} {report.step:6d} steps {report.seconds:6.0f} s {cpu_s:6.0f} CPU s {report.gaussians:8,d} "
-        f"{quality.psnr:6.2f} dB {quality.ssim:.3f} {depth}",
-        flush=True,
-    )
+
+
+def _known(frame: Frame) -> KnownFrame:
+    """Return the photograph with its depth in its own pixels."""
+    inverse = inverse_depth_in(frame.read_depth(), frame.depth_lens, frame.camera)
+    with np.errstate(divide="ignore"):
+        depth_m = np.where(inverse > 0, 1.0 / inverse, 0.0).astype(np.float32)
+    return KnownFrame(frame.read_image(), depth_m, frame.camera)
+
+
+def apartment(seed: int, views: int) -> tuple[list[Frame], list[Frame]]:
+    """Return frames of a generated apartment to fit, with a depth camera's noise, and others with true depth."""
+    scene = build_apartment(seed, rooms=2, gaussians=120_000, views=views).scene
+    rng, fitted, held_out = np.random.default_rng(seed), [], []
+    for number, (view, (image, depth_m)) in enumerate(zip(scene.views, rgbd_frames(scene), strict=True)):
+        frame = Frame(view.name, view.camera, Held(image), Held(depth_m))
+        if number % 5 == 4:
+            held_out.append(frame)
+        else:
+            fitted.append(replace(frame, depth=Held(structured_light(depth_m, view.camera, rng))))
+    return fitted, held_out
 
 
 def parts(start: Gaussians, frames: Sequence[Frame], threads: int) -> None:
@@ -131,38 +212,41 @@ def parts(start: Gaussians, frames: Sequence[Frame], threads: int) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("capture", help="folder of a capture")
+    parser.add_argument("capture", nargs="?", help="folder of a capture")
+    parser.add_argument("--procedural", action="store_true", help="a generated apartment in place of a capture")
+    parser.add_argument("--seed", type=int, default=1, help="of the apartment")
+    parser.add_argument("--views", type=int, default=60, help="of the apartment")
     parser.add_argument("--variants", nargs="+", choices=sorted(VARIANTS), default=["default"])
-    parser.add_argument("--minutes", type=float, default=None)
-    parser.add_argument("--steps", type=int, default=None)
-    parser.add_argument("--every", type=int, default=200, help="steps between two looks at held-out frames")
+    budget = parser.add_mutually_exclusive_group()
+    budget.add_argument("--cpu-seconds", type=float, nargs="+", default=None, help="budgets of training")
+    budget.add_argument("--steps", type=int, nargs="+", default=None)
+    parser.add_argument("--along", type=int, default=0, help="steps between two looks during a run, as recorded")
+    parser.add_argument("--every", type=int, default=1, help="of the held-out frames, look at one in so many")
     parser.add_argument("--voxel", type=float, default=None, help="voxel of the fusion, metres")
-    parser.add_argument("--register", type=int, default=0, help="times photographs are registered and fused again")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--parts", action="store_true", help="only take a step apart")
     args = parser.parse_args()
-    frames = open_capture(args.capture).frames
-    held_out = frames[4::5]
-    fitted: Sequence[Frame] = [frame for index, frame in enumerate(frames) if index % 5 != 4]
+    if (args.capture is None) != args.procedural:
+        parser.error("either a capture or --procedural")
     fusion = {"threads": args.threads} | ({} if args.voxel is None else {"voxel_m": args.voxel})
-    began, cpu = time.perf_counter(), time.process_time()
-    start = fuse(fitted, FusionConfig.model_validate(fusion)).gaussians
-    for _ in range(args.register):
-        fitted = register_photos(start, fitted, threads=args.threads).frames
-        start = fuse(fitted, FusionConfig.model_validate(fusion)).gaussians
-    print(
-        f"fused: {time.perf_counter() - began:.0f} s, {time.process_time() - cpu:.0f} CPU s, {len(start):,} Gaussians"
-    )
+    if args.procedural:
+        fitted, held_out = apartment(args.seed, args.views)
+    else:
+        frames = open_capture(args.capture).frames
+        fitted = [frame for index, frame in enumerate(frames) if index % 5 != 4]
+        held_out = list(frames[4::5])
+    bench = Bench(fitted, held_out[:: args.every], FusionConfig.model_validate(fusion), args.procedural)
     if args.parts:
-        parts(start, fitted, args.threads)
+        parts(bench.start("default")[0], fitted, args.threads)
         return
-    quality = held_out_quality(start, held_out, aligned=True, threads=args.threads)
-    show("start", TrainProgress(0, 0, 0.0, 0.0, len(start), 1.0, None, None, quality), 0.0)
+    budgets: list[dict[str, Any]] = (
+        [{"steps": 1_000_000, "minutes": seconds / 60.0} for seconds in args.cpu_seconds]
+        if args.cpu_seconds
+        else [{"steps": steps} for steps in args.steps or [TrainConfig().steps]]
+    )
+    print("| " + " | ".join(COLUMNS) + " |\n|---|" + "--:|" * (len(COLUMNS) - 1), flush=True)
     for name in args.variants:
-        told = {"threads": args.threads, "evaluate_steps": args.every, "report_steps": args.every}
-        told |= {"steps": args.steps} if args.steps else {"steps": 1_000_000} if args.minutes else {}
-        told |= {"minutes": args.minutes} if args.minutes else {}
-        curve(name, start, fitted, held_out, TrainConfig.model_validate({**told, **VARIANTS[name]}))
+        bench.run(name, budgets, args.along)
 
 
 if __name__ == "__main__":

@@ -1,8 +1,11 @@
-"""Write docs/job.md and docs/build_job.md from the job files' own field descriptions: `python docs/generate.py`."""
+"""Write the pages that code describes: job files, tables, commands and benchmarks. `python docs/generate.py`."""
 
 from __future__ import annotations
 
+import ast
+import importlib
 import json
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, get_args, get_origin
@@ -12,6 +15,13 @@ from pydantic_core import PydanticUndefined
 
 from jobs.build_job import BuildJob
 from jobs.config import DEFAULT_METHOD, JobConfig
+from schemas.build_plan import BUILD_PLAN
+from schemas.plan import PLAN
+from schemas.replies import STORED_REPLIES
+from schemas.table import TableSpec
+from schemas.tables import ALL_TABLES
+
+DOCS = Path(__file__).resolve().parent
 
 HEAD = """# Job files
 
@@ -86,8 +96,164 @@ def _plain(field: Any) -> str:
     return value if isinstance(value, str) and value else json.dumps(value, default=list)
 
 
+COLUMNS_HEAD = """# Columns of every table
+
+What a run folder holds, made by `python docs/generate.py` from the records that are written. A `?` marks a column that
+may be null. `schemas.run_folder.read_table(run, name)` reads the tables of a run; `aggregate` writes some of them whole
+into `results/`. Columns are only ever added; "since" is the version that brought one, and older parts are read with a
+default in its place.
+"""
+
+FILES = {
+    "plan": "`plan.parquet` of a run that answers questions.",
+    "build_plan": "`plan.parquet` of a run that builds scenes.",
+    "replies": "What `splatreasoner cache export` writes.",
+}
+"""Tables that are no parts of a run."""
+
+OTHER_COLUMNS = """## semantics
+
+`semantics.parquet` of a scene, a row a Gaussian in the order of the splat file. At least one column is there; the
+vocabulary, a list of names, lies in the file's metadata. Written by `schemas.semantics_table.write_semantics`.
+
+| column | type | meaning |
+|---|---|---|
+| `category_id` | int32 | index into the vocabulary, -1 unlabelled |
+| `embedding` | fixed-size list of float16 or float32 | open-set feature, unit norm; all zero is unlabelled |
+| `instance_id` | int32 | ground-truth instance, -1 none; read by scores alone |
+
+## visibility
+
+The visibility index, Arrow files in `visibility/`: a row a rendered view with the ids of the Gaussians that dominate a
+pixel of it ([visibility](visibility.md)).
+"""
+
+
+def column_reference() -> str:
+    """Return the text of docs/columns.md."""
+    specs = [*ALL_TABLES.values(), PLAN, BUILD_PLAN, STORED_REPLIES]
+    return "\n".join([COLUMNS_HEAD, *map(_table, specs), OTHER_COLUMNS])
+
+
+def _table(spec: TableSpec[Any]) -> str:
+    told, fields = _record(spec.record)
+    told = re.sub(r"^Table `\w+`: ", "", told)
+    about = FILES.get(spec.name, "")
+    lines = [f"## {spec.name}", "", f"{about} {told[:1].upper() + told[1:]}".strip(), ""]
+    lines += [
+        f"Version {spec.version}; a row is told from the others by {', '.join(f'`{name}`' for name in spec.key)}."
+    ]
+    lines += ["", "| column | type | meaning | since |", "|---|---|---|---|"]
+    for name, kind in spec.columns.items():
+        since = spec.added[name].version if name in spec.added else 1
+        lines.append(f"| `{name}` | {kind.replace('<', ' of ').replace('>', '')} | {_cell(fields[name])} | {since} |")
+    return "\n".join([*lines, ""])
+
+
+def _record(record: type) -> tuple[str, dict[str, str]]:
+    """Return a record's first line and the line beneath each of its fields."""
+    source = Path(str(importlib.import_module(record.__module__).__file__)).read_text()
+    (node,) = [n for n in ast.parse(source).body if isinstance(n, ast.ClassDef) and n.name == record.__name__]
+    fields = {}
+    for one, after in zip(node.body, node.body[1:], strict=False):
+        if isinstance(one, ast.AnnAssign) and isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant):
+            fields[ast.unparse(one.target)] = " ".join(str(after.value.value).split())
+    return " ".join((ast.get_docstring(node) or "").split("\n\n")[0].split()), fields
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|")
+
+
+COMMANDS_HEAD = """# Commands
+
+Made by `python docs/generate.py` from the command line itself; `splatreasoner VERB --help` says the same. Exit codes: 0
+complete, 1 ended early or failed, 2 wrong input, 130 stopped by a signal. Progress goes to standard error, results to
+standard output.
+
+## Shell completion
+
+```console
+$ splatreasoner --install-completion        # bash, zsh, fish or PowerShell; then open a new shell
+$ splatreasoner --show-completion           # prints the script instead
+```
+"""
+
+
+def command_reference() -> str:
+    """Return the text of docs/commands.md."""
+    import click
+    from typer.main import get_command
+
+    from jobs.cli import app
+
+    group = get_command(app)
+    parts = [COMMANDS_HEAD]
+    for name, verb in group.commands.items():  # type: ignore[attr-defined]
+        usage = verb.collect_usage_pieces(click.Context(verb, info_name=name))
+        text, _, examples = _plain_help(verb.help or "").partition("Example")
+        shown = [" ".join(line.split()) for line in re.findall(r"`([^`]+)`", examples)]
+        parts += [f"## {name}", "", "```", f"splatreasoner {name} {' '.join(usage)}", "```", "", text.strip(), ""]
+        parts += ["```console", *(f"$ {line}" for line in shown), "```", ""]
+        parts += ["| argument or option | default | meaning |", "|---|---|---|"]
+        parts += [_parameter(one) for one in verb.params if one.name != "help"]
+        parts.append("")
+    return "\n".join(parts)
+
+
+def _plain_help(text: str) -> str:
+    """Return a help text with its examples, which stand in bold, as code."""
+    return re.sub(r"\[bold\](.+?)\[/bold\]", r"`\1`", text, flags=re.DOTALL)
+
+
+def _parameter(one: Any) -> str:
+    argument = one.param_type_name == "argument"
+    names = [one.metavar or one.name.upper()] if argument else [*one.opts, *one.secondary_opts]
+    default = "required" if one.required else "" if one.default in (None, "", False) else f"`{one.default}`"
+    return f"| {', '.join(f'`{name}`' for name in names)} | {default} | {_cell(one.help or '')} |"
+
+
+PERFORMANCE_HEAD = """# Performance
+
+The command of every benchmark and what it shows, made by `python docs/generate.py` from the benchmarks themselves. Each
+prints its figures; those of one machine stand in the pages that are named, with what they mean. Commands run in a
+clone, in `.venv`; `$SPLATREASONER_DATA` names the folder of real scenes. On a machine that does other work compare CPU
+seconds, and ratios within one run.
+
+| what it shows | command | figures |
+|---|---|---|
+"""
+
+
+def performance_reference() -> str:
+    """Return the text of docs/performance.md."""
+    pages = {path.stem: path.read_text() for path in sorted(DOCS.glob("*.md")) if path.stem not in WRITTEN}
+    rows = []
+    for path in sorted((DOCS.parent / "benchmarks").glob("*.py")):
+        source = path.read_text()
+        if "__main__" not in source:
+            continue
+        text = ast.get_docstring(ast.parse(source)) or ""
+        what = " ".join(text.split("\n\n")[0].split()).rstrip(".")
+        calls = [line.split("#")[0].strip() for line in text.splitlines() if "python " in line.split("#")[0]]
+        calls = [line[line.index("python ") :] for line in calls] or [f"python -m benchmarks.{path.stem}"]
+        told = [page for page, words in pages.items() if re.search(rf"benchmarks[./]{path.stem}\b", words)]
+        figures = ", ".join(f"[{page.replace('_', ' ')}]({page}.md)" for page in told)
+        rows.append(f"| {_cell(what)} | {'<br>'.join(f'`{_cell(line)}`' for line in calls)} | {figures} |")
+    return PERFORMANCE_HEAD + "\n".join(rows) + "\n"
+
+
+WRITTEN = {
+    "job": job_reference,
+    "build_job": lambda: job_reference(BuildJob, BUILD_HEAD),
+    "columns": column_reference,
+    "commands": command_reference,
+    "performance": performance_reference,
+}
+"""What writes each generated page."""
+
+
 if __name__ == "__main__":
-    for name, text in (("job.md", job_reference()), ("build_job.md", job_reference(BuildJob, BUILD_HEAD))):
-        target = Path(__file__).with_name(name)
-        target.write_text(text)
-        print(target)
+    for name, write in WRITTEN.items():
+        (DOCS / f"{name}.md").write_text(write())
+        print(DOCS / f"{name}.md")

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from jobs.build_job import BuildJob, BuildWorkers, checked_build_job
-from jobs.build_plan import build_basis, capture_sha256, plan_captures
+from jobs.build_plan import build_basis, inputs_sha256, plan_captures
 from jobs.difference import differences, told
 from jobs.drive import Opened, drive_units
 from jobs.events import EventLog
@@ -238,8 +238,9 @@ def _refuse_changes(folder: RunFolder, job: BuildJob, found: dict[str, Any]) -> 
         raise refused(folder, "the settings and code the run was planned with", changes, "build ...", "")
     done = set(committed_units(folder.root))
     for unit in folder.captures():
-        if unit.id not in done and capture_sha256(unit.capture) != unit.capture_sha256:
-            raise InputError(unit.capture, expected="the capture as it was planned", found="files that have changed")
+        if unit.id not in done and inputs_sha256(job, unit.capture, unit.scene) != unit.capture_sha256:
+            expected = "the capture, and the labels that name what is in it, as they were planned"
+            raise InputError(unit.capture, expected=expected, found="files that have changed")
 
 
 def _refuse_other_job(folder: RunFolder, job: BuildJob, planned: tuple[PlannedCapture, ...]) -> None:

@@ -15,16 +15,21 @@ from jobs.dataset import file_sha256
 from jobs.plan import ID_LENGTH, content_id
 from jobs.problems import Problems
 from jobs.versions import BUILD_STAGES
+from pipeline.construct.labels_2d.choose import MAIN
 from schemas import storage
 from schemas.build_plan import PlannedCapture
 from schemas.errors import InputError
 from schemas.run_folder import safe_name
 
-READ_SUFFIXES = (".txt", ".json", ".bin")
-"""Files of poses and lenses: small, and a changed pose keeps its size."""
+READ_SUFFIXES = (".txt", ".json")
+"""Files of poses and lenses, which are read whole: a changed number keeps their size."""
 
-READ_BYTES = 1 << 20
-"""Larger ones, such as sparse points, count by their size, as photographs do."""
+READ_BYTES = 1 << 24
+"""Larger ones count as photographs do."""
+
+END_BYTES = 1 << 16
+"""Of any other file the first and the last so many bytes are read. An image that was compressed anew differs from its
+first changed row on, and in a checksum at its end; a raw array may differ in its middle alone, which goes unseen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +75,7 @@ def plan_captures(
     for uri, entry in _found(job, subject, problems):
         try:
             capture = open_capture(uri, entry.kind, name=entry.name)
-            files = capture_sha256(uri)
+            files = inputs_sha256(job, uri, capture.name)
         except InputError as error:
             problems.add(error)
             continue
@@ -118,10 +123,29 @@ def _found(job: BuildJob, subject: object, problems: Problems) -> Iterator[tuple
         yield from ((match, entry) for match in matches)
 
 
-def capture_sha256(uri: str) -> str:
-    """Return a hash that tells a capture from another: names and sizes of its files, and what small poses hold.
+def inputs_sha256(job: BuildJob, uri: str, scene: str) -> str:
+    """Return a hash of the files a scene is made from: its capture's, and those that name what is in it.
 
-    Photographs and depth are not read: hundreds of captures are terabytes.
+    Args:
+        job: The job.
+        uri: The capture.
+        scene: Name of the scene.
+
+    Raises:
+        InputError: The capture has no file, or one cannot be read.
+    """
+    capture, source = capture_sha256(uri), job.build.semantics.source
+    place = "" if source is None else str(getattr(source, MAIN[source.kind])).replace("{scene}", scene)
+    # Models may also be named as on a hub, and what is missing is told by the source itself.
+    if not place or storage.local_path(place) is None or not os.path.exists(place):
+        return capture
+    return hashlib.sha256(f"{capture} {capture_sha256(place)}".encode()).hexdigest()
+
+
+def capture_sha256(uri: str) -> str:
+    """Return a hash that tells a capture from another: names and sizes of its files, and what they hold.
+
+    Poses and lenses are read whole, of photographs and depth both ends: hundreds of captures are terabytes.
 
     Raises:
         InputError: There is no file, or one cannot be read.
@@ -135,11 +159,24 @@ def capture_sha256(uri: str) -> str:
         raise InputError(uri, expected="a capture", found="no file")
     whole = hashlib.sha256()
     for file in files:
-        size = file.stat().st_size
-        read = file.suffix.lower() in READ_SUFFIXES and size <= READ_BYTES
-        digest = file_sha256(str(file)) if read else ""
+        size, digest = _content(file)
         whole.update(f"{_below(file, path)} {size} {digest}\n".encode("utf-8", "surrogateescape"))
     return whole.hexdigest()
+
+
+def _content(file: Path) -> tuple[int, str]:
+    """Return the size of a file and a hash of what is read of it."""
+    try:
+        with file.open("rb") as opened:
+            size = os.fstat(opened.fileno()).st_size
+            if size <= 2 * END_BYTES or (size <= READ_BYTES and file.suffix.lower() in READ_SUFFIXES):
+                return size, hashlib.sha256(opened.read()).hexdigest()
+            ends = hashlib.sha256(opened.read(END_BYTES))
+            opened.seek(-END_BYTES, os.SEEK_END)
+            ends.update(opened.read())
+            return size, ends.hexdigest()
+    except OSError as error:
+        raise InputError(file, expected="a file that can be read", found=error) from error
 
 
 def _below(file: Path, root: Path) -> str:

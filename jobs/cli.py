@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from typing import Annotated
 
 import typer
 
@@ -33,9 +34,7 @@ from schemas.errors import InputError, SplatReasonerError
 
 app = typer.Typer(
     name="splatreasoner",
-    help="Batch question answering and 3D grounding over Gaussian Splatting scenes.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -64,6 +63,27 @@ VERBS: dict[str, Callable[..., None]] = {
     "view": view.view,
 }
 """Verbs in the order in which a person meets them."""
+
+
+def _say_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        print(f"splatreasoner {version('splatreasoner')}")
+        raise typer.Exit
+
+
+@app.callback()
+def splatreasoner(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Say the version and stop.")
+    ] = False,
+) -> None:
+    """Batch question answering and 3D grounding over Gaussian Splatting scenes.
+
+    The ten-minute start: [bold]splatreasoner demo[/bold]
+    """
+
 
 for _name, _verb in VERBS.items():
     app.command(_name)(_verb)

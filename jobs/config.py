@@ -149,7 +149,7 @@ class JobConfig(BaseModel):
     @model_validator(mode="after")
     def _calls_are_local(self) -> JobConfig:
         if storage.local_path(self.calls_folder()) is None:
-            raise ValueError("calls must name a local folder when the output is not local")
+            raise ValueError("calls: expected a local folder, since the output is not local")
         return self
 
     @model_validator(mode="after")
@@ -251,7 +251,7 @@ def input_error(subject: object, detail: Any, root: type[BaseModel] = JobConfig)
         expected, found = "a value", "nothing"
     elif one and value is None:
         found = "nothing"
-    elif place[-1] == "key_env" or (place[-1] == "base_url" and "@" in found):
+    elif place[-1:] == ["key_env"] or (place[-1:] == ["base_url"] and "@" in found):
         found = "another text, not shown since it may hold a key"
     return InputError(
         subject, field=".".join(place), expected=expected, found=found if len(found) <= 80 else found[:77] + "..."

@@ -85,7 +85,8 @@ def describe_scene(
     if storage.exists(storage.join(scene, QUESTIONS)):
         # Before the scene, whose scene.json is written last: a folder that has one is whole.
         storage.write_bytes_atomic(storage.join(output, QUESTIONS), storage.read_bytes(storage.join(scene, QUESTIONS)))
-    save_scene(dataclasses.replace(loaded, semantics=semantics, texts=found.texts), output, load_objects(scene))
+    objects = load_objects(scene) or (found.objects if loaded.semantics.instance is None else ())
+    save_scene(dataclasses.replace(loaded, semantics=semantics, texts=found.texts), output, objects)
     photographs = sum(view.image is not None for view in loaded.views)
     return DescribedScene(
         uri=output,

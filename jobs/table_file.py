@@ -27,7 +27,8 @@ from pipeline.models.config import STAGES
 from schemas import storage
 from schemas.errors import InputError
 
-PRESETS = Path(__file__).resolve().parent.parent / "examples" / "tables"
+_PACKED = Path(__file__).resolve().parent / "table_presets"
+PRESETS = _PACKED if _PACKED.is_dir() else _PACKED.parent.parent / "examples" / "tables"
 """Where a table is looked for that is given by its name alone."""
 
 RUNS = "runs"

@@ -25,7 +25,7 @@ STAGES = {
 }
 """Raise a stage's number with every change that can change an answer or a score: unit ids depend on it."""
 
-BUILD_STAGES = {"select": 1, "fuse": 1, "train": 1, "describe": 1, "save": 1}
+BUILD_STAGES = {"select": 1, "fuse": 1, "photos": 1, "train": 1, "describe": 2, "save": 2}
 """The same for what shapes a scene that is built from a capture."""
 
 RECORDED = ("numpy", "numba", "scipy", "hdbscan", "pyarrow", "pandas", "pydantic", "openai", "ray", "pillow")

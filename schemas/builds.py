@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from schemas.table import TableSpec
+from schemas.table import Added, TableSpec
 
 BuildStatus = Literal["built", "failed"]
 """built: the scene lies whole in its folder; failed: `reason` says why it does not."""
@@ -61,11 +61,21 @@ class BuildRow:
     """Questions copied into the scene's folder."""
     warnings: tuple[str, ...]
     """What was left out, assumed or corrected, one line each."""
+    photos_moved: int
+    """Fitted photographs that were moved to where the scene says they were taken."""
+    aligned_psnr: float | None
+    """PSNR, dB, once the pose of each held-out photograph is fitted to the scene; null where `psnr` is."""
+    aligned_ssim: float | None
+    """SSIM at these poses, 0 to 1; null where `psnr` is."""
+    exposed_psnr: float | None
+    """PSNR, dB, at these poses after a gain and an offset per channel; null where `psnr` is."""
+    objects: int
+    """Ground-truth objects copied into the scene's folder."""
 
 
 BUILDS = TableSpec(
     name="builds",
-    version=1,
+    version=2,
     record=BuildRow,
     key=("scene",),
     columns={
@@ -91,5 +101,17 @@ BUILDS = TableSpec(
         "labelled": "float64",
         "questions": "int64",
         "warnings": "list<string>",
+        "photos_moved": "int64",
+        "aligned_psnr": "float64?",
+        "aligned_ssim": "float64?",
+        "exposed_psnr": "float64?",
+        "objects": "int64",
+    },
+    added={
+        "photos_moved": Added(2, 0),
+        "aligned_psnr": Added(2),
+        "aligned_ssim": Added(2),
+        "exposed_psnr": Added(2),
+        "objects": Added(2, 0),
     },
 )

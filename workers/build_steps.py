@@ -66,6 +66,7 @@ def build_scene(work: BuildWork, capture: PlannedCapture, stop: Callable[[], boo
     from schemas.question_file import load_questions
 
     folder, asked = work.folder(capture.unit), StopFiles(work.stops)
+    _clear_aside(folder)
     shown = ProgressFile(folder, capture.scene)
     questions = load_questions(work.questions) if work.questions else ()
 
@@ -86,6 +87,12 @@ def build_scene(work: BuildWork, capture: PlannedCapture, stop: Callable[[], boo
     )
     times = tuple(TimingRow("", capture.scene, stage, seconds, 1) for stage, seconds in record.seconds.items())
     return {"builds": (record.row,), "timings": times}
+
+
+def _clear_aside(folder: Path) -> None:
+    """Remove what a killed worker was writing: nobody renames it any more."""
+    for left in (*folder.glob("*.part"), *folder.glob(f"{PROGRESS_FILE}.*.tmp")):
+        left.unlink(missing_ok=True)
 
 
 def failed_build(capture: PlannedCapture, error: Exception) -> Tables:
@@ -113,6 +120,11 @@ def failed_build(capture: PlannedCapture, error: Exception) -> Tables:
         labelled=0.0,
         questions=0,
         warnings=(),
+        photos_moved=0,
+        aligned_psnr=None,
+        aligned_ssim=None,
+        exposed_psnr=None,
+        objects=0,
     )
     return {"builds": (row,)}
 

@@ -49,6 +49,10 @@ def build(
     start: Annotated[
         str | None, typer.Option(help="What the Gaussians begin as: auto, depth (fused) or points (sparse).")
     ] = None,
+    register_photos: Annotated[
+        str | None,
+        typer.Option(help="Move photographs to where the scene says they were taken: auto, on or off."),
+    ] = None,
     no_depth_loss: Annotated[bool, typer.Option("--no-depth-loss", help="Optimise by the photographs alone.")] = False,
     device: Annotated[str | None, typer.Option(help="cpu, or cuda by gsplat.")] = None,
     semantics: Annotated[
@@ -97,6 +101,7 @@ def build(
             ("build", "frames"): frames,
             ("build", "hold_out"): hold_out,
             ("build", "start"): start,
+            ("build", "register_photos"): register_photos,
             ("build", "train", "steps"): steps,
             ("build", "train", "depth_first"): 0.0 if no_depth_loss else None,
             ("build", "train", "minutes"): minutes,

@@ -97,7 +97,8 @@ def _measured(row: BuildRow) -> str:
         return ""
     told = []
     if row.psnr is not None and row.ssim is not None:
-        told.append(f"PSNR {row.psnr:.2f} dB, SSIM {row.ssim:.3f}")
+        fitted = "" if row.aligned_psnr is None else f" ({row.aligned_psnr:.2f} dB with their poses fitted)"
+        told.append(f"PSNR {row.psnr:.2f} dB{fitted}, SSIM {row.ssim:.3f}")
     if row.depth_error_m is not None and row.depth_within_5cm is not None:
         told.append(f"depth off by {100 * row.depth_error_m:.1f} cm, {row.depth_within_5cm:.0%} within 5 cm")
     return f"; {row.held_out} held out: {', '.join(told)}"

@@ -77,6 +77,7 @@ class Panel:
         self._lock = threading.RLock()
         self._places: dict[str, Place] = {}
         self._hidden: viser.CameraFrustumHandle | None = None
+        self._boxes: dict[str, viser.GuiCheckboxHandle] = {}
         gui = server.gui
         self._theme(dark)
         total = len(context.scene.gaussians)
@@ -114,7 +115,7 @@ class Panel:
 
     def _switch(self, name: str, label: str, shown: bool) -> None:
         box, layer = self._server.gui.add_checkbox(label, shown), self._stage.layers[name]
-        layer.visible = shown
+        layer.visible, self._boxes[name] = shown, box
 
         @box.on_update
         def _(event: Any) -> None:
@@ -139,6 +140,9 @@ class Panel:
                 if camera is not None and drawn is not None:
                     shots[place] = camera, laid_over(drawn.color, [drawn.overlay] if drawn.overlay else [])
             self._stage.put(question, groups, shots)
+            # Both at once would mix their colours.
+            _set(self._boxes["grounded"], bool(question.regions))
+            _set(self._boxes["clusters"], not question.regions)
             for place in sorted(shots, key=lambda place: not question.candidates[place]["chosen"]):
                 picture, sign = self._candidate(question, place, groups), self._stage.candidates[place]
                 self._places[_named(question.candidates[place])] = Place(shots[place][0], picture, sign)
@@ -149,7 +153,7 @@ class Panel:
             self._places[f"recorded {view.name}"] = Place(view.camera, picture, sign)
         self._told.content = "" if asked is None else _told(asked, len(groups))
         self._view.options = (NO_VIEW, *self._places)
-        self._set_view(next(iter(self._places), NO_VIEW))
+        _set(self._view, next(iter(self._places), NO_VIEW))
         self._stand(client)
 
     def _candidate(self, question: ToDraw, place: int, groups: dict[int, Ids]) -> Callable[[], np.ndarray]:
@@ -198,12 +202,8 @@ class Panel:
 
     def _step(self, forward: bool, client: viser.ClientHandle | None) -> None:
         names = self._view.options
-        self._set_view(names[(names.index(self._view.value) + (1 if forward else -1)) % len(names)])
+        _set(self._view, names[(names.index(self._view.value) + (1 if forward else -1)) % len(names)])
         self._stand(client)
-
-    def _set_view(self, name: str) -> None:
-        # The setter is there; the library's types do not show it.
-        setattr(self._view, "value", name)  # noqa: B010
 
     def _guarded(self, client: viser.ClientHandle | None, work: Callable[[], None]) -> None:
         """Do it, alone; an error is told to the person whose click it was."""
@@ -213,6 +213,11 @@ class Panel:
             except SplatReasonerError as error:
                 if client is not None:
                     client.add_notification("This did not work", str(error), color="red")
+
+
+def _set(control: Any, value: object) -> None:
+    """Set a control; the library's types say that it cannot be set."""
+    control.value = value
 
 
 def _titled(asked: Asked) -> str:

@@ -1,4 +1,7 @@
-"""A capture becomes a scene folder: frames chosen, start, optimisation, semantics, measures, files; scene.json last."""
+"""A capture becomes a scene folder: frames chosen, start, photographs placed, optimisation, measures, semantics, files.
+
+scene.json is written last: a folder that has one is whole.
+"""
 
 from __future__ import annotations
 
@@ -6,24 +9,25 @@ import json
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from pipeline.construct.build_config import BuildConfig
-from pipeline.construct.describe import describe
+from pipeline.construct.build_photos import place_photos, try_photos
+from pipeline.construct.describe import Described, describe
 from pipeline.construct.fuse import fuse
 from pipeline.construct.held_out import split_held_out
 from pipeline.construct.sparse_start import start_from_points
 from pipeline.construct.train_config import TrainConfig
 from pipeline.construct.train_progress import TrainProgress, held_out_quality
 from pipeline.construct.upright import estimate_up
+from pipeline.geometry import Camera
 from pipeline.scene import Gaussians, Scene, Semantics
 from pipeline.scene.captures import Capture, CaptureKind, Frame, open_capture, select_frames
 from pipeline.scene.captures.select_frames import CANDIDATES
 from pipeline.scene.save import save_scene
 from pipeline.scene.scene_file import BUILD, QUESTIONS
-from pipeline.scene.text_embeddings import TextEmbeddings
 from schemas import storage
 from schemas.builds import BuildRow
 from schemas.errors import InputError, StoppedError
@@ -39,7 +43,7 @@ class BuildProgress:
     """How far the build of one capture is."""
 
     stage: str
-    """open, select, fuse, train, measure, describe or save."""
+    """open, select, fuse, photos, train, measure, describe or save."""
     share: float
     """Of this stage, 0 to 1."""
     detail: str = ""
@@ -123,27 +127,35 @@ def build_capture(
         if config.frames is not None:
             looked_at = told.count(min(len(fitted), CANDIDATES * config.frames))
             fitted = select_frames(fitted, config.frames, progress=looked_at)
+    warnings = [*fitted.warnings]
     with told.at("fuse"):
         began, source, skipped = _start(fitted, config, threads, told)
-    warnings, gaussians, reached, quality = [*fitted.warnings], began, None, None
+    photos_moved = 0
+    if source == "depth" and config.register_photos != "off":
+        with told.at("photos"):
+            fitted, began, photos_moved = _place_photos(fitted, began, config, threads, told, warnings)
+    gaussians, reached, quality = began, None, None
     if skipped:
         warnings.append(f"no depth in {skipped} frames that were fitted to")
     if config.train.steps:
         with told.at("train"):
             settings = _train_settings(config, source, threads)
-            gaussians, reached = _trained(began, fitted, held_out, settings, checkpoint, told)
+            gaussians, reached, fitted = _trained(began, fitted, held_out, settings, checkpoint, told)
             quality = reached.held_out
     if held_out and quality is None:
         with told.at("measure"):
-            quality = held_out_quality(gaussians, held_out, threads=threads)
+            quality = held_out_quality(gaussians, held_out, aligned=True, threads=threads, progress=told.share)
     with told.at("describe"):
-        meaning, texts = _meaning(gaussians, fitted, config, threads, told, warnings)
+        described = _described(gaussians, fitted, config, threads, told, warnings)
+    meaning = described.semantics
     up = whole.up
     if up is None:
         up = estimate_up(whole.cameras)
         warnings.append(f"the capture does not say which way is up: {_shown(up)}, as the cameras are held")
-    recorded = whole.only([frame.name for frame in (*fitted.frames, *held_out)])
-    scene = Scene(whole.name, gaussians, recorded.views, meaning, up, texts)
+    # In the order they were taken, those fitted to where they were fitted.
+    placed = {frame.name: frame for frame in (*held_out, *fitted.frames)}
+    recorded = replace(whole, frames=tuple(placed[frame.name] for frame in whole.frames if frame.name in placed))
+    scene = Scene(whole.name, gaussians, recorded.views, meaning, up, described.texts)
     row = BuildRow(
         scene=scene.name,
         capture=str(capture),
@@ -167,12 +179,17 @@ def build_capture(
         labelled=meaning.labelled_share,
         questions=len(questions),
         warnings=tuple(warnings),
+        photos_moved=photos_moved,
+        aligned_psnr=None if quality is None else quality.aligned_psnr,
+        aligned_ssim=None if quality is None else quality.aligned_ssim,
+        exposed_psnr=None if quality is None else quality.exposed_psnr,
+        objects=len(described.objects),
     )
     with told.at("save"):
         if questions:
             save_questions(questions, storage.join(output, QUESTIONS))
         storage.write_bytes_atomic(storage.join(output, BUILD), _provenance(row, config))
-        save_scene(scene, output)
+        save_scene(scene, output, described.objects)
     return BuildRecord(row, told.seconds)
 
 
@@ -187,6 +204,27 @@ def _start(capture: Capture, config: BuildConfig, threads: int, told: _Told) -> 
         expected = "sparse points" if config.start == "points" else "depth images or sparse points"
         raise InputError(f"capture {capture.name}", field="start", expected=expected, found="none")
     return start_from_points(capture.points.read(), capture.cameras), "points", 0
+
+
+def _place_photos(
+    capture: Capture, fused: Gaussians, config: BuildConfig, threads: int, told: _Told, warnings: list[str]
+) -> tuple[Capture, Gaussians, int]:
+    """Return the capture with its photographs moved, the scene of that, and how many were; as given where none pays.
+
+    What was done is added to the warnings.
+    """
+    fusion, tried = config.fusion.model_copy(update={"threads": threads}), ""
+    if config.register_photos == "auto":
+        trial = try_photos(capture.frames, fusion, progress=told.share)
+        if trial is None or not trial.pays:
+            return capture, fused, 0
+        tried = f": {trial.frames} photographs that were left out of a trial fit {trial.gain:.1%} better"
+    moved, count = place_photos(capture, fused, threads=threads, progress=told.count(len(capture)))
+    warnings.append(
+        f"moved {count} of {len(capture)} photographs to where the scene says they were taken, and the recorded views "
+        f"with them{tried}"
+    )
+    return moved, fuse(moved.frames, fusion, progress=told.share).gaussians, count
 
 
 def _train_settings(config: BuildConfig, source: str, threads: int) -> TrainConfig:
@@ -205,35 +243,45 @@ def _trained(
     config: TrainConfig,
     checkpoint: Path | None,
     told: _Told,
-) -> tuple[Gaussians, TrainProgress]:
-    """Return the optimised Gaussians and the last report."""
+) -> tuple[Gaussians, TrainProgress, Capture]:
+    """Return the optimised Gaussians, the last report, and the capture with the poses that were fitted."""
     # Torch takes a second to import, and a scene without steps has no need of it.
     from pipeline.construct.train import train
 
+    shown = [frame for frame in capture.frames if frame.image is not None]
     trained = train(
         start,
-        [frame for frame in capture.frames if frame.image is not None],
+        shown,
         config,
         checkpoint=None if checkpoint is None else checkpoint / CHECKPOINT,
         progress=lambda report: told.share(report.share, _told_quality(report)),
         stop=told.stop,
-        held_out=held_out,
+        # Measured afterwards, where a stop need not wait, unless someone wants to see it on the way.
+        held_out=held_out if config.evaluate_steps else (),
     )
-    return trained.gaussians, trained.history[-1]
+    if config.refine_poses:
+        cameras = {frame.name: camera for frame, camera in zip(shown, trained.cameras, strict=True)}
+        capture = replace(capture, frames=tuple(_at(frame, cameras.get(frame.name)) for frame in capture.frames))
+    return trained.gaussians, trained.history[-1], capture
 
 
-def _meaning(
+def _at(frame: Frame, camera: Camera | None) -> Frame:
+    """Return a frame whose photograph was taken elsewhere than was recorded; depth keeps its lens."""
+    return frame if camera is None else replace(frame, camera=camera, depth_camera=frame.depth_lens)
+
+
+def _described(
     gaussians: Gaussians, capture: Capture, config: BuildConfig, threads: int, told: _Told, warnings: list[str]
-) -> tuple[Semantics, TextEmbeddings | None]:
+) -> Described:
     """Return what the frames' photographs say of the Gaussians, and add to the warnings what one should know of it."""
     if config.semantics.source is None:
         warnings.append("no categories: no source of semantics was named, so no question finds anything")
-        return Semantics(()), None
+        return Described(Semantics(()), None, None, None, ())
     frames = [frame for frame in capture.frames if frame.image is not None]
     looked = told.count(len(frames))
     found = describe(gaussians, frames, config.semantics, scene=capture.name, threads=threads, progress=looked)
     warnings.extend(found.warnings)
-    return found.semantics, found.texts
+    return found
 
 
 def _told_quality(report: TrainProgress) -> str:

@@ -30,6 +30,12 @@ class BuildConfig(BaseModel):
         "auto", description="what the Gaussians begin as: fused depth, or sparse points; auto takes depth where it is"
     )
     fusion: FusionConfig = Field(default_factory=FusionConfig, description="how depth becomes Gaussians")
+    register_photos: Literal["auto", "on", "off"] = Field(
+        "auto",
+        description="whether each photograph is put where the fused scene says it was taken, and depth is fused again: "
+        "for captures whose poses are those of a depth camera out of step with the photographs; auto tries it on a "
+        "run of frames and does so where photographs left out of it fit better",
+    )
     train: TrainConfig = Field(default_factory=TrainConfig, description="the optimisation; steps: 0 leaves it out")
     densify_points_every: int = Field(
         100,

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from pipeline.construct.imports import ImportConfig
 from pipeline.construct.labels_2d.choose import SourceConfig
 from pipeline.construct.labels_2d.clip_model import ClipModel
+from pipeline.construct.labels_2d.label_files import LabelFiles
 from pipeline.construct.labels_2d.sam_clip import SamClip
 from pipeline.construct.labels_2d.scene_frames import with_rendered_depth
 from pipeline.construct.labels_2d.source import FeatureSource, LabelSource
@@ -25,6 +26,7 @@ from pipeline.construct.register import (
 from pipeline.render import PreparedGaussians, prepare
 from pipeline.scene import Gaussians, Semantics
 from pipeline.scene.captures import Frame
+from pipeline.scene.objects import SceneObject
 from pipeline.scene.semantics import UNLABELLED
 from pipeline.scene.text_embeddings import TextEmbeddings
 from schemas.errors import InputError
@@ -68,6 +70,8 @@ class Described:
     """What was seen; None for imports."""
     warnings: tuple[str, ...]
     """One line for the scene's record on each thing a reader should know."""
+    objects: tuple[SceneObject, ...] = ()
+    """Ground-truth objects that the source knows; `semantics.instance` holds their ids."""
 
 
 def describe(
@@ -122,7 +126,10 @@ def _closed_set(
         embedding, texts = embed_names(found.vocabulary, found.category, config.texts)
         warnings.append(f"embeddings are {texts.model} vectors of category names, not of pictures")
     semantics = Semantics(found.vocabulary, found.category, embedding, found.instance)
-    return Described(semantics, found.confidence, texts, found.report, tuple(warnings))
+    objects = source.objects if isinstance(source, LabelFiles) else ()
+    if objects and (bare := len({item.instance for item in objects} - set(np.unique(found.instance).tolist()))):
+        warnings.append(f"{bare} of {len(objects)} ground-truth objects have no Gaussian: nothing can find them")
+    return Described(semantics, found.confidence, texts, found.report, tuple(warnings), objects)
 
 
 def _open_set(

@@ -29,6 +29,7 @@ from pipeline.construct.train_config import TrainConfig
 from pipeline.construct.train_progress import TrainProgress, held_out_quality
 from pipeline.construct.train_state import PARAMETERS, TrainState
 from pipeline.construct.train_views import TrainViews, extent_of
+from pipeline.geometry import Camera
 from pipeline.scene import Gaussians
 from pipeline.scene.captures import Frame
 from pipeline.scene.gaussians import SH_COUNTS
@@ -48,6 +49,8 @@ class Trained:
     """As many as density control left, with the settings' degree of spherical harmonics."""
     history: tuple[TrainProgress, ...]
     """Every report, the last one at the end."""
+    cameras: tuple[Camera, ...]
+    """Of the frames: as given, or at the poses that were fitted where the settings ask for that."""
 
 
 def train(
@@ -59,6 +62,7 @@ def train(
     progress: Callable[[TrainProgress], object] | None = None,
     stop: Callable[[], bool] | None = None,
     held_out: Sequence[Frame] = (),
+    clock: Callable[[], float] = perf_counter,
 ) -> Trained:
     """Return the Gaussians fitted to the frames' photographs and, where there is any, to their depth.
 
@@ -70,6 +74,7 @@ def train(
         progress: Called with every report.
         stop: Asked before every step; when it says True the checkpoint is written and training ends.
         held_out: Frames that are looked at, never fitted.
+        clock: Seconds, for the time limit and the reports; `time.process_time` where other work shares the machine.
 
     Raises:
         InputError: There is no Gaussian or no frame, one cannot be read, or the checkpoint is not one of this run.
@@ -78,7 +83,7 @@ def train(
     if len(start) == 0:
         raise InputError("training", field="start", expected="at least one Gaussian", found="none")
     with _one_torch_thread():
-        trainer = _Trainer(start, frames, config or TrainConfig(), checkpoint, held_out)
+        trainer = _Trainer(start, frames, config or TrainConfig(), checkpoint, held_out, clock)
         while not trainer.done:
             if stop is not None and stop():
                 trainer.save()
@@ -99,8 +104,10 @@ class _Trainer:
         config: TrainConfig,
         checkpoint: Path | None,
         held_out: Sequence[Frame],
+        clock: Callable[[], float] = perf_counter,
     ) -> None:
-        self.config, self._checkpoint, self._held_out = config, checkpoint, held_out
+        self.config, self._checkpoint, self._held_out, self._clock = config, checkpoint, held_out, clock
+        self._frames = frames
         self._views = TrainViews(frames, config.image_side, with_depth=config.depth_first > 0, device=config.device)
         self._extent_m = extent_of(self._views.cameras)
         self._rasterize = _rasterizer(config.device)
@@ -126,13 +133,13 @@ class _Trainer:
 
     def advance(self) -> TrainProgress | None:
         """Do one step and what falls due after it; return the report that did."""
-        began = perf_counter()
+        began = self._clock()
         share = self.share
         loss, error = self._descend(share)
         self._sums += loss, -10.0 * math.log10(max(error, 1e-12)), 1.0
         self.step += 1
         self._control_density(share)
-        self.seconds += perf_counter() - began
+        self.seconds += self._clock() - began
         report = None
         if self.step % self.config.report_steps == 0 and not self.done:
             every = self.config.evaluate_steps
@@ -148,7 +155,8 @@ class _Trainer:
             self.save()
             if progress is not None:
                 progress(report)
-        return Trained(self.state.gaussians(), tuple(self._history))
+        cameras = (self._corrections.camera(index, frame.camera) for index, frame in enumerate(self._frames))
+        return Trained(self.state.gaussians(), tuple(self._history), tuple(cameras))
 
     def save(self) -> None:
         """Write the checkpoint, where one is kept."""
@@ -246,8 +254,7 @@ class _Trainer:
         if not density.first <= share <= density.last:
             return
         if density.every > 0 and self.step % density.every == 0:
-            rng = np.random.default_rng([self.config.seed, 1, self.step])
-            self.state, _ = control_density(self.state, density, self._extent_m, rng)
+            self.state, _ = control_density(self.state, density, self._extent_m)
         if density.reset_every > 0 and self.step % density.reset_every == 0:
             cut_opacities(self.state, density.reset_to)
 

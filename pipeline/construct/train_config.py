@@ -46,6 +46,9 @@ class DensityConfig(BaseModel):
     dense_extent: float = Field(
         default=0.01, gt=0, description="Gaussians up to this scale are cloned, larger ones split; in extents."
     )
+    growth: float = Field(
+        default=1.0, gt=0, le=1, description="Share by which a round may add Gaussians; the strongest pulls come first."
+    )
     most: int = Field(default=1_000_000, ge=1, description="Gaussians there may be; the strongest pulls come first.")
     least_opacity: float = Field(default=0.005, ge=0, lt=1, description="Fainter Gaussians are pruned.")
     largest_extent: float = Field(
@@ -89,6 +92,9 @@ class TrainConfig(BaseModel):
         default=1024, ge=16, description="Photographs whose longer side has more pixels are scaled down to it."
     )
     exposure: bool = Field(default=False, description="Fit a gain and an offset per photograph and channel.")
+    exposure_pull: float = Field(
+        default=0.0, ge=0, description="Weight of the squares of log gains and offsets: they stay near none."
+    )
     refine_poses: bool = Field(
         default=False,
         description="Fit each photograph's pose: for captures whose photographs are out of step with them.",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -72,7 +72,12 @@ class TrainProgress:
 
 
 def held_out_quality(
-    gaussians: Gaussians, frames: Sequence[Frame], *, aligned: bool = False, threads: int = 1
+    gaussians: Gaussians,
+    frames: Sequence[Frame],
+    *,
+    aligned: bool = False,
+    threads: int = 1,
+    progress: Callable[[float], object] = lambda share: None,
 ) -> HeldOutQuality:
     """Return how near renderings are to frames that were held out.
 
@@ -82,10 +87,13 @@ def held_out_quality(
         aligned: Whether to look at them again at poses fitted to the scene: where photographs are out of step with
             their poses, these cap what any scene can reach as recorded. The other figures are not touched by it.
         threads: Threads inside a frame.
+        progress: Told the share that is done, 0 to 1.
     """
     prepared = prepare(gaussians)
     quality, depth = [], []
-    for frame in frames:
+    looks = (2 if aligned else 1) * len(frames)
+    for number, frame in enumerate(frames):
+        progress(number / looks)
         photo = frame.read_image()
         color = render(prepared, frame.camera, ("color",), threads=threads).color
         assert color is not None, "it was asked for"
@@ -98,7 +106,13 @@ def held_out_quality(
     mean_psnr, mean_ssim = np.mean(quality, axis=0)
     fits: tuple[float | None, float | None, float | None] = (None, None, None)
     if aligned:
-        moved = register_photos(gaussians, frames, centered=False, threads=threads).frames
+        moved = register_photos(
+            gaussians,
+            frames,
+            centered=False,
+            threads=threads,
+            progress=lambda done: progress((len(frames) + done) / looks),
+        ).frames
         fits = _mean([_aligned(prepared, frame, threads) for frame in moved])
     depth_abs_m, within = np.nanmean(depth, axis=0) if depth else (None, None)
     return HeldOutQuality(

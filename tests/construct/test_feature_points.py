@@ -14,7 +14,7 @@ WALL_M = 3.0
 SQUARE_M = 0.3
 
 
-def board(away_m: float, *, step_m: float = 0.15, tall: float = 1e9, grey: int = 60) -> KnownFrame:
+def board(away_m: float) -> KnownFrame:
     """A chessboard at z = 3 for x > 0, and a plain wall left of it, seen by a camera `away_m` to the right."""
     pose = np.concatenate([np.eye(3), [[-away_m], [0.0], [0.0]]], axis=1)
     camera = Camera(LENS, pose, 160, 120)
@@ -22,7 +22,7 @@ def board(away_m: float, *, step_m: float = 0.15, tall: float = 1e9, grey: int =
     x, y, _ = np.moveaxis(camera.unproject(depth), 2, 0)
     x = x + away_m
     black = (np.floor(x / SQUARE_M) + np.floor(y / SQUARE_M)).astype(int) % 2 == 0
-    shade = np.where(x > 0, np.where(black, 0, 255), grey).astype(np.uint8)
+    shade = np.where(x > 0, np.where(black, 0, 255), 60).astype(np.uint8)
     return KnownFrame(np.repeat(shade[:, :, None], 3, axis=2), depth, camera)
 
 

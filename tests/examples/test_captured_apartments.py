@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib.util
 import sys
 from pathlib import Path
@@ -23,7 +24,7 @@ from pipeline.scene.save import save_scene
 from schemas.errors import InputError
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
-VIEWS = 16
+VIEWS = 12
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +41,7 @@ def example() -> ModuleType:
 def captured(example: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the scene `true` and its capture `captures/apartment-3`, made as a user would."""
     folder = tmp_path_factory.mktemp("captured")
-    made = build_apartment(3, rooms=1, gaussians=9_000, views=VIEWS, width=120, height=90)
+    made = build_apartment(3, rooms=1, gaussians=9_000, views=VIEWS, width=96, height=72)
     save_scene(made.scene, str(folder / "true"), made.objects)
     (folder / "true/questions.jsonl").write_text('{"scene": "apartment-3"}\n')
     with pytest.MonkeyPatch.context() as patch:
@@ -53,26 +54,27 @@ def test_capture_has_the_views_of_the_scene_with_depth_and_points_near_the_truth
     truth, capture = load_scene(str(captured / "true")), open_capture(str(captured / "captures/apartment-3"))
     assert [frame.name for frame in capture.frames] == [view.name for view in truth.views]
     assert not capture.warnings
-    prepared = prepare(truth.gaussians)
+    prepared, shares = prepare(truth.gaussians), []
     for frame, view in zip(capture.frames, truth.views, strict=True):
         np.testing.assert_allclose(frame.camera.world_to_camera, view.camera.world_to_camera, atol=1e-9)
         true, depth = render(prepared, view.camera, ("depth",)).depth, frame.read_depth()
         assert true is not None
         measured = depth > 0
-        assert 0.3 < measured.mean() < 1.0
+        shares.append(measured.mean())
         assert 0 < np.median(np.abs(depth - true)[measured]) < 0.02
+    assert 0.5 < np.mean(shares) < 1.0
     assert capture.points is not None
     points = capture.points.read()
     low, high = truth.gaussians.means.min(axis=0) - 0.5, truth.gaussians.means.max(axis=0) + 0.5
     inside = ((points.positions > low) & (points.positions < high)).all(axis=1)
-    assert len(inside) > 200
+    assert len(inside) > 50
     assert inside.mean() > 0.98
 
 
 def test_scene_built_of_it_has_its_categories_and_instances(captured: Path, tmp_path: Path) -> None:
     capture = captured / "captures/apartment-3"
     source = LabelFilesConfig(folder=str(capture / "labels"), instance="{frame}.instance.png", nothing=(65535,))
-    settings = {"start": "points", "train": {"steps": 0}, "semantics": {"source": source}}
+    settings = {"start": "depth", "train": {"steps": 0}, "semantics": {"source": source}}
     build_capture(str(capture), BuildConfig.model_validate(settings), str(tmp_path / "built"))
     truth, built = load_scene(str(captured / "true")), load_scene(str(tmp_path / "built"))
     meanings = []
@@ -86,12 +88,10 @@ def test_scene_built_of_it_has_its_categories_and_instances(captured: Path, tmp_
         assert known.mean() > 0.8
     assert meanings[1] <= meanings[0]
     assert len(meanings[1]) > 0.5 * len(meanings[0])
-    assert built.up == pytest.approx(truth.up, abs=0.02)
+    assert built.up == pytest.approx(truth.up, abs=0.05)
 
 
 def test_scene_without_instances_is_refused(example: ModuleType, captured: Path, tmp_path: Path) -> None:
-    import dataclasses
-
     scene = load_scene(str(captured / "true"))
     plain = dataclasses.replace(scene, semantics=dataclasses.replace(scene.semantics, instance=None))
     with pytest.raises(InputError, match="instances"):

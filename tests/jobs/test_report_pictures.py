@@ -21,14 +21,9 @@ from jobs.drawing.top_down import HEIGHT_M, map_camera
 from jobs.report.drawing import draw_scene
 from jobs.report.shards import DataFolder
 from pipeline.config import MethodConfig
-from pipeline.geometry import Camera
-from pipeline.scene.gaussians import Gaussians
 from pipeline.scene.load import load_scene
-from pipeline.scene.save import save_scene
-from pipeline.scene.scene import Scene
-from pipeline.scene.semantics import Semantics
-from pipeline.scene.views import View
 from schemas.errors import InputError
+from tests.jobs.blobs import save_balls
 
 LEAN = 0.03
 """Share by which heights of 2 m move on a map that is seen from `HEIGHT_M`."""
@@ -116,29 +111,12 @@ def test_find_scene_relative_path_is_found_above_the_run_and_changed_files_are_r
 
 
 @pytest.fixture
-def two_blobs(tmp_path: Path) -> Path:
-    """A scene of two blobs of 40 Gaussians, 2 m apart, that one camera sees side by side from 3 m."""
-    rng = np.random.default_rng(0)
-    means = rng.normal(0, 0.05, (80, 3)).astype(np.float32)
-    means[:40, 0] -= 1
-    means[40:, 0] += 1
-    quats = np.tile(np.array([1, 0, 0, 0], np.float32), (80, 1))
-    gaussians = Gaussians(
-        means,
-        quats,
-        np.full((80, 3), np.log(0.04), np.float32),
-        np.full(80, 4.0, np.float32),
-        rng.normal(0, 0.5, (80, 1, 3)).astype(np.float32),
-    )
-    semantics = Semantics(("ball",), np.zeros(80, np.int32), None, np.repeat([0, 1], 40).astype(np.int32))
-    pose = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 3.0]])  # at y = -3, looking along +y
-    camera = Camera(np.array([[60.0, 0, 32], [0, 60.0, 24], [0, 0, 1]]), pose, 64, 48)
-    save_scene(Scene("blobs", gaussians, (View("front", camera),), semantics), str(tmp_path / "blobs"))
-    return tmp_path / "blobs"
+def two_balls(tmp_path: Path) -> Path:
+    return save_balls(tmp_path)
 
 
-def test_draw_scene_overlays_fall_on_their_cluster_and_truth_on_the_target(two_blobs: Path, tmp_path: Path) -> None:
-    scene = load_scene(str(two_blobs))
+def test_draw_scene_overlays_fall_on_their_cluster_and_truth_on_the_target(two_balls: Path, tmp_path: Path) -> None:
+    scene = load_scene(str(two_balls))
     centres = [
         scene.gaussians.means[part].mean(axis=0, dtype=np.float64).tolist() for part in (slice(40), slice(40, 80))
     ]
@@ -159,7 +137,7 @@ def test_draw_scene_overlays_fall_on_their_cluster_and_truth_on_the_target(two_b
         asked.append(True)
         return len(asked) < 3
 
-    drawn = draw_scene(str(two_blobs), method, [question, lost, question], folder, threads=1, goes_on=goes_on)
+    drawn = draw_scene(str(two_balls), method, [question, lost, question], folder, threads=1, goes_on=goes_on)
     assert set(drawn.questions) == {"q", "lost"}
     assert drawn.questions["lost"]["views"] == {}, "a cluster that does not come out the same is not drawn"
     left, right = (_opacity(tmp_path, drawn.questions["q"]["views"][f"{n}/front"]["overlay"]) for n in (0, 1))

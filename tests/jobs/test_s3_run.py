@@ -126,5 +126,5 @@ def test_stored_replies_on_a_store_are_refused_with_what_to_do(
     make_scene: Callable[..., Path], make_job: MakeJob
 ) -> None:
     make_scene("a", TEXTS)
-    with pytest.raises(ValueError, match="calls must name a local folder when the output is not local"):
+    with pytest.raises(ValueError, match="calls: expected a local folder, since the output is not local"):
         make_job("x", output="s3://bucket/run")

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from pipeline.construct.labels_2d.source import FrameLabels
 from pipeline.scene.captures import Frame
+from pipeline.scene.objects_file import read_objects
 from pipeline.scene.semantics import UNLABELLED
 from schemas import storage
 from schemas.errors import InputError
@@ -37,13 +38,18 @@ class LabelFilesConfig(BaseModel):
         default="names.json",
         description="JSON file in the folder: a list of names by id, or an object from id to name.",
     )
+    objects: str = Field(
+        default="",
+        description="objects.json in the folder: the ground-truth objects whose ids the instance images hold; copied "
+        "into the scene. Empty where there is none.",
+    )
     nothing: tuple[int, ...] = Field(default=(), description="Ids in the images that mean: no label.")
 
     def open(self, scene: str = "") -> LabelFiles:
         """Return the source; its names are read.
 
         Raises:
-            InputError: The file of names is missing or wrong.
+            InputError: The file of names, or that of objects, is missing or wrong.
         """
         return LabelFiles(self, scene)
 
@@ -68,6 +74,11 @@ class LabelFiles:
         self._by_id = _read_names(uri)
         self.vocabulary = tuple(dict.fromkeys(self._by_id.values()))
         self.description = f"label images {config.category}"
+        if config.objects and not config.instance:
+            expected = "a pattern of instance images, where there are objects"
+            raise InputError("label_files", field="instance", expected=expected, found="none")
+        self.objects = read_objects(storage.join(self._folder, config.objects)) if config.objects else ()
+        """Ground-truth objects, whose ids the instance images hold."""
 
     def labels(self, frame: Frame) -> FrameLabels:
         """Return the labels of a frame.

@@ -1,0 +1,67 @@
+"""Sphinx: the pages of this folder, and the API reference from the docstrings (`make docs`)."""
+
+from __future__ import annotations
+
+import re
+from importlib.metadata import version as installed
+from typing import Any
+
+from sphinx.application import Sphinx
+
+project = html_title = "SplatReasoner"
+author = "The SplatReasoner developers"
+version = release = installed("splatreasoner")
+extensions = ["myst_parser", "sphinx.ext.apidoc", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+exclude_patterns = ["_build"]
+
+default_role = "code"
+napoleon_numpy_docstring = False
+apidoc_modules = [
+    {
+        "path": f"../{package}",
+        "destination": f"api/{package}",
+        "module_first": True,
+        "automodule_options": {"members", "undoc-members"},
+    }
+    for package in ("schemas", "pipeline", "workers", "jobs")
+]
+autodoc_member_order = "bysource"
+autodoc_class_signature = "separated"
+autodoc_typehints_format = "short"
+
+myst_heading_anchors = 3
+html_theme = "furo"
+html_show_sourcelink = False
+html_copy_source = False
+
+
+def plain_text(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
+    """Make reStructuredText of a docstring, which is plain text in Google style: |x|, * and x_ mean themselves.
+
+    In a module's, indented lines that follow a sentence are formulas, shown as they stand.
+    """
+    parts = re.split("(`[^`]*`)", "\n".join(lines))
+    text = "".join(part if part.startswith("`") else re.sub(r"([|*]|_\b)", r"\\\1", part) for part in parts)
+    lines[:] = text.split("\n")
+    if what == "module":
+        for place in range(len(lines) - 1, 0, -1):
+            formula, before = (
+                lines[place].startswith("    "),
+                lines[place - 1].startswith(("    ", "- ")) or not lines[place - 1],
+            )
+            if formula and not before:
+                lines[place:place] = ["", "::", ""]
+            elif before and not formula and lines[place - 1].startswith("    ") and lines[place]:
+                lines.insert(place, "")
+
+
+def function_like_its_module(app: Sphinx, what: str, name: str, obj: Any, skip: bool, options: Any) -> bool | None:
+    """Leave a function that is called like its module to the module's own entry: two would share one name."""
+    shadows = what == "module" and getattr(obj, "__module__", "").endswith(f".{name}")
+    return True if shadows and f"{app.env.docname.split('/')[-1]}.{name}" == obj.__module__ else None
+
+
+def setup(app: Sphinx) -> None:
+    """Connect the above; docstrings become reStructuredText before their sections are read."""
+    app.connect("autodoc-process-docstring", plain_text, priority=400)
+    app.connect("autodoc-skip-member", function_like_its_module)
