@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: help setup demo test test-slow chaos lint format types
+.PHONY: help setup demo test test-slow chaos docs wheel lint format types
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/'
@@ -29,6 +29,14 @@ chaos: $(READY)  ## every fault done to whole runs; fills the table of docs/reli
 	rm -f build/chaos.jsonl && mkdir -p build
 	CHAOS_OUTPUT=build/chaos.jsonl $(BIN)/python -m pytest -m chaos --timeout=900
 	$(BIN)/python -m tests.jobs.chaos.table build/chaos.jsonl
+
+docs: $(READY)  ## the pages and the API reference as HTML in docs/_build/html
+	$(BIN)/python -m pip install --disable-pip-version-check --quiet --constraint constraints.txt --editable '.[docs]'
+	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet -d docs/_build/doctrees docs docs/_build/html
+
+wheel: $(READY)  ## wheel and source archive in dist
+	$(BIN)/python -m pip install --disable-pip-version-check --quiet --constraint constraints.txt build
+	$(BIN)/python -m build
 
 lint: $(READY)  ## style
 	$(BIN)/ruff check .

@@ -1,7 +1,7 @@
 """The same frames for another trainer, and its Gaussians judged as ours are: on frames it never saw.
 
 Run: python -m benchmarks.peer_training export CAPTURE FOLDER    frames to fit, as a nerfstudio folder with a start
-     python -m benchmarks.peer_training score CAPTURE PLY ...    PSNR, SSIM and depth error on the held-out frames
+     python -m benchmarks.peer_training score CAPTURE PLY ...    its Gaussians on the held-out frames
 
 Every fifth frame is held out (index % 5 == 4). The start is the points that our own training starts from, so that
 trainers differ in how they fit and not in what they are given. docs/building.md says how OpenSplat was run.
@@ -18,9 +18,8 @@ from PIL import Image
 
 from pipeline.construct.fuse import fuse
 from pipeline.construct.fuse_config import FusionConfig
+from pipeline.construct.train_progress import held_out_quality
 from pipeline.geometry.pose import opengl_to_opencv
-from pipeline.metrics.image_quality import depth_errors, psnr, ssim
-from pipeline.render import prepare, render
 from pipeline.scene.captures import Frame, open_capture
 from pipeline.scene.formats.read import load_gaussians
 
@@ -68,22 +67,17 @@ def export(capture: str, folder: Path) -> None:
 
 
 def score(capture: str, files: list[str]) -> None:
-    """Print what each file's Gaussians show of the held-out frames."""
+    """Print what each file's Gaussians show of the held-out frames: as `benchmarks/training.py` judges ours."""
     _, held_out = halves(capture)
-    print(f"{'file':40} {'Gaussians':>10} {'PSNR':>6} {'SSIM':>6} {'depth error':>12} {'within 5 cm':>12}")
+    print(
+        f"{'file':32} {'Gaussians':>9} {'PSNR':>6} {'SSIM':>6} {'fitted':>7} {'exposed':>8} {'depth':>8} {'in 5 cm':>8}"
+    )
     for file in files:
         gaussians = load_gaussians(file)
-        prepared = prepare(gaussians)
-        rows = []
-        for frame in held_out:
-            seen = render(prepared, frame.camera, outputs=("color",), threads=2).color
-            depth = render(prepared, frame.depth_lens, outputs=("depth",), threads=2).depth
-            errors = depth_errors(depth, frame.read_depth())
-            image = frame.read_image()
-            rows.append((psnr(seen, image), ssim(seen, image), errors.mean_abs_m, errors.within_5cm))
-        values = np.nanmean(rows, axis=0)
-        quality = f"{values[0]:6.2f} {values[1]:6.3f} {values[2] * 100:9.1f} cm {values[3]:12.1%}"
-        print(f"{Path(file).name:40} {len(gaussians):10,} {quality}")
+        found = held_out_quality(gaussians, held_out, aligned=True, threads=2)
+        depth = f"{100 * (found.depth_abs_m or np.nan):5.1f} cm {found.depth_within_5cm or np.nan:8.1%}"
+        fitted = f"{found.aligned_psnr:7.2f} {found.exposed_psnr:8.2f}"
+        print(f"{Path(file).name:32} {len(gaussians):9,} {found.psnr:6.2f} {found.ssim:6.3f} {fitted} {depth}")
 
 
 def main() -> None:

@@ -1,6 +1,6 @@
 """What training buys a capture: quality on held-out frames against time, for settings side by side.
 
-    python -m benchmarks.training CAPTURE [--variants default no-depth photos points] [--cpu-seconds 60 180 600]
+    python -m benchmarks.training CAPTURE [--variants default no-depth registered points] [--cpu-seconds 60 180 600]
     python -m benchmarks.training --procedural [--variants default points] [--steps 0 200 1000]
     python -m benchmarks.training CAPTURE --parts
 
@@ -48,13 +48,13 @@ THREEDGS_RATES = {
     "colors": 2.5e-3, "directions": 1.25e-4, "last_share": 1.0,
 }  # fmt: skip
 """Made for 30,000 steps."""
-PHOTOS = {"refine_poses": True, "exposure": True}
-SPARSE = {"depth_first": 0.0, "density": {"every": 100}}
 VARIANTS: dict[str, dict[str, Any]] = {
     "default": {},
     "no-depth": {"depth_first": 0.0},
-    "photos": PHOTOS,
-    "points": SPARSE,
+    "registered": {"refine_poses": True},
+    "photos": {"refine_poses": True, "exposure": True},
+    "photos-no-depth": {"refine_poses": True, "exposure": True, "depth_first": 0.0},
+    "points": {"depth_first": 0.0, "density": {"every": 50}},
     "points-as-they-are": {"depth_first": 0.0},
     "density": {"density": {"every": 100}},
     "reset": {"density": {"every": 100, "reset_every": 300}},
@@ -69,7 +69,7 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "floor": {"tile_error_floor": 0.02},
 }
 """What differs from the defaults."""
-REGISTERED = ("photos",)
+REGISTERED = ("registered", "photos", "photos-no-depth")
 """Variants whose photographs are registered to the scene, which is then fused again, before anything is fitted."""
 FROM_POINTS = ("points", "points-as-they-are")
 """Variants that start from sparse points."""

@@ -35,6 +35,9 @@ html_show_sourcelink = False
 html_copy_source = False
 
 
+_WHOLE: dict[str, list[str]] = {}
+
+
 def plain_text(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
     """Make reStructuredText of a docstring, which is plain text in Google style: |x|, * and x_ mean themselves.
 
@@ -45,14 +48,19 @@ def plain_text(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines:
     lines[:] = text.split("\n")
     if what == "module":
         for place in range(len(lines) - 1, 0, -1):
-            formula, before = (
-                lines[place].startswith("    "),
-                lines[place - 1].startswith(("    ", "- ")) or not lines[place - 1],
-            )
-            if formula and not before:
+            inside, before = (lines[n].startswith("    ") for n in (place, place - 1))
+            if inside and not before and lines[place - 1] and not lines[place - 1].startswith("- "):
                 lines[place:place] = ["", "::", ""]
-            elif before and not formula and lines[place - 1].startswith("    ") and lines[place]:
+            elif before and not inside and lines[place]:
                 lines.insert(place, "")
+    _WHOLE[name] = list(lines)
+
+
+def whole_sentence(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
+    """Take back what was made of a field's line: what comes before a colon there is no type."""
+    kept = _WHOLE.pop(name, lines)
+    if what in ("attribute", "data"):
+        lines[:] = kept
 
 
 def function_like_its_module(app: Sphinx, what: str, name: str, obj: Any, skip: bool, options: Any) -> bool | None:
@@ -62,6 +70,7 @@ def function_like_its_module(app: Sphinx, what: str, name: str, obj: Any, skip: 
 
 
 def setup(app: Sphinx) -> None:
-    """Connect the above; docstrings become reStructuredText before their sections are read."""
+    """Connect the above, before and after sections are read (500)."""
     app.connect("autodoc-process-docstring", plain_text, priority=400)
+    app.connect("autodoc-process-docstring", whole_sentence, priority=600)
     app.connect("autodoc-skip-member", function_like_its_module)

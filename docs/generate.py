@@ -182,7 +182,6 @@ $ splatreasoner --show-completion           # prints the script instead
 
 def command_reference() -> str:
     """Return the text of docs/commands.md."""
-    import click
     from typer.main import get_command
 
     from jobs.cli import app
@@ -190,10 +189,19 @@ def command_reference() -> str:
     group = get_command(app)
     parts = [COMMANDS_HEAD]
     for name, verb in group.commands.items():  # type: ignore[attr-defined]
-        usage = verb.collect_usage_pieces(click.Context(verb, info_name=name))
+        words = [_names(one)[0] if one.required else f"[{_names(one)[0]}]" for one in verb.params if _is_argument(one)]
         text, _, examples = _plain_help(verb.help or "").partition("Example")
         shown = [" ".join(line.split()) for line in re.findall(r"`([^`]+)`", examples)]
-        parts += [f"## {name}", "", "```", f"splatreasoner {name} {' '.join(usage)}", "```", "", text.strip(), ""]
+        parts += [
+            f"## {name}",
+            "",
+            "```",
+            " ".join(["splatreasoner", name, *words, "[OPTIONS]"]),
+            "```",
+            "",
+            text.strip(),
+            "",
+        ]
         parts += ["```console", *(f"$ {line}" for line in shown), "```", ""]
         parts += ["| argument or option | default | meaning |", "|---|---|---|"]
         parts += [_parameter(one) for one in verb.params if one.name != "help"]
@@ -207,10 +215,17 @@ def _plain_help(text: str) -> str:
 
 
 def _parameter(one: Any) -> str:
-    argument = one.param_type_name == "argument"
-    names = [one.metavar or one.name.upper()] if argument else [*one.opts, *one.secondary_opts]
-    default = "required" if one.required else "" if one.default in (None, "", False) else f"`{one.default}`"
-    return f"| {', '.join(f'`{name}`' for name in names)} | {default} | {_cell(one.help or '')} |"
+    absent = one.default is None or one.default is False or one.default == ""
+    default = "required" if one.required else "" if absent else f"`{one.default}`"
+    return f"| {', '.join(f'`{name}`' for name in _names(one))} | {default} | {_cell(one.help or '')} |"
+
+
+def _names(one: Any) -> list[str]:
+    return [one.metavar or one.name.upper()] if _is_argument(one) else [*one.opts, *one.secondary_opts]
+
+
+def _is_argument(one: Any) -> bool:
+    return bool(one.param_type_name == "argument")
 
 
 PERFORMANCE_HEAD = """# Performance

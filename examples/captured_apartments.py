@@ -122,7 +122,7 @@ def main() -> None:
         scene = load_scene(str(folder))
         capture = asked.output / scene.name
         points = capture_scene(scene, capture, np.random.default_rng(asked.seed), threads=asked.threads)
-        shutil.copyfile(folder / OBJECTS, capture / OBJECTS)
+        shutil.copyfile(folder / OBJECTS, capture / "labels" / OBJECTS)
         questions.append((folder / QUESTIONS).read_text())
         print(f"{capture}: {len(scene.views)} frames, {len(points.positions):,} sparse points")
     (asked.output / QUESTIONS).write_text("".join(questions))

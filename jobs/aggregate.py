@@ -99,16 +99,18 @@ def aggregate_tables(tables: Mapping[str, pd.DataFrame], options: Options | None
         options: Thresholds, level and draws.
 
     Returns:
-        arms, by_category, by_scene: one row a task, arm (and group) and metric: llm_match, miou, instance_miou and
-            acc@k from 0 to 100; frames a question. `low` and `high` come from the bootstrap over scenes and then
-            questions, `low_questions` and `high_questions` from the plain one over questions; counts by status.
-        differences: the same for pairs of arms on the questions scored in both, with the p value of a permutation
-            test over questions and the questions gained, lost and tied.
-        clusters_by_category, clusters_by_scene: how clusters meet ground-truth instances, see `cluster_summary`.
-        outcomes: questions by status and reason.
-        calls: calls, tokens, seconds and price of the models by stage. Seconds waited are those before the
-            endpoints' limits; the price is that of what was sent, none where an endpoint has no prices.
-        timings: seconds by stage.
+        These, by name.
+
+        - arms, by_category, by_scene: one row a task, arm (and group) and metric: llm_match, miou, instance_miou and
+          acc@k from 0 to 100; frames a question. `low` and `high` come from the bootstrap over scenes and then
+          questions, `low_questions` and `high_questions` from the plain one over questions; counts by status.
+        - differences: the same for pairs of arms on the questions scored in both, with the p value of a permutation
+          test over questions and the questions gained, lost and tied.
+        - clusters_by_category, clusters_by_scene: how clusters meet ground-truth instances, see `cluster_summary`.
+        - outcomes: questions by status and reason.
+        - calls: calls, tokens, seconds and price of the models by stage. Seconds waited are those before the
+          endpoints' limits; the price is that of what was sent, none where an endpoint has no prices.
+        - timings: seconds by stage.
 
     Raises:
         InputError: A question has two rows for one method and arm.

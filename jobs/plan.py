@@ -79,7 +79,8 @@ def plan_units(
         warn: Told what is odd and no reason to refuse.
 
     Raises:
-        InputError: See `load_dataset`, `basis_of` and `check_scene`; or the output is one of the scenes. Nothing has run by then.
+        InputError: See `load_dataset`, `basis_of` and `check_scene`; or the output is one of the scenes. Nothing has
+            run by then.
     """
     dataset, basis = load_dataset(config, subject, warn), dataclasses.asdict(basis_of(config))
     if config.output in dataset.uris.values():

@@ -228,7 +228,8 @@ def load_table(path: str | Path, *, output: str | None = None, settings: Mapping
     """
     file = find_table(path)
     found = read_yaml(file)
-    folder = file.resolve().parent
+    # A preset of an installed package takes paths as if it lay in the working folder, as in a clone.
+    folder = Path.cwd() / "examples" / "tables" if file.parent == _PACKED else file.resolve().parent
     for section in ("base", "parts", "rows"):
         found[section] = _anchored(found.get(section), section, folder)
     if isinstance(found["base"], dict):

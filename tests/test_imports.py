@@ -40,6 +40,7 @@ HOMES = {
     "httpx2": lambda path: path.stem == "endpoint",
     "typer": lambda path: path.parts[0] == "jobs",
     "rich": lambda path: path.parts[0] == "jobs",
+    "viser": lambda path: path.parts[:2] == ("jobs", "viewer"),
 }
 """Where a library may be imported."""
 
@@ -83,5 +84,5 @@ def test_every_subpackage_of_the_pipeline_has_a_place_in_the_order() -> None:
 def test_command_line_imports_nothing_heavy() -> None:
     code = "import sys, jobs.cli; print(*[m for m in sys.modules])"
     out = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True).stdout
-    heavy = {"numba", "torch", "ray", "pandas", "hdbscan", "scipy", "openai", "pyarrow"} & set(out.split())
+    heavy = {"numba", "torch", "ray", "pandas", "hdbscan", "scipy", "openai", "pyarrow", "viser"} & set(out.split())
     assert not heavy, f"`splatreasoner --help` would pay for importing {sorted(heavy)}"

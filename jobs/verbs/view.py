@@ -32,14 +32,17 @@ def view(
     [bold]splatreasoner view demo/scenes/apartment-101 --run demo/run --question apartment-101-multi-target-003[/bold]
     """
     import signal
+    import sys
     import threading
+    from functools import partial
 
     if question and not run:
         raise InputError("--question", expected="--run beside it", found="none")
     from jobs.viewer.server import Viewer, ViewerOptions
 
     options = ViewerOptions(host, port, max_gaussians, dark, threads)
-    with Viewer(scene, run=run, question_id=question, options=options) as viewer:
+    tell = partial(print, file=sys.stderr)
+    with Viewer(scene, run=run, question_id=question, options=options, tell=tell) as viewer:
         stopped = threading.Event()
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: stopped.set())

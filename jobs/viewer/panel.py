@@ -58,6 +58,7 @@ class Panel:
         question_id: The question to begin with; empty for none.
         dark: Whether it begins dark.
         threads: Threads a picture.
+        tell: Told what goes wrong before anybody is connected.
     """
 
     def __init__(
@@ -69,10 +70,11 @@ class Panel:
         question_id: str,
         dark: bool,
         threads: int,
+        tell: Callable[[str], None],
     ) -> None:
         self._server, self._context, self._stage, self._run = server, context, stage, run
         self._artist = QuestionArtist(context, None if run is None else run.method, threads)
-        self._threads = threads
+        self._threads, self._tell = threads, tell
         # Callbacks come from several threads, and the context is for one.
         self._lock = threading.RLock()
         self._places: dict[str, Place] = {}
@@ -83,7 +85,7 @@ class Panel:
         total = len(context.scene.gaussians)
         counted = f"{total:,} Gaussians" if stage.shown == total else f"{stage.shown:,} of {total:,} Gaussians drawn"
         views = f"{len(stage.cameras)} of {len(context.scene.views)} recorded views"
-        gui.add_html(_lines(f"<b>{escape(context.scene.name)}</b>", f"{counted}; {views}"))
+        gui.add_html(_lines(f"{counted}; {views}"))
         self._questions: dict[str, str] = {}
         if run is not None:
             self._questions = {_titled(asked): key for key, asked in run.questions.items()}
@@ -106,7 +108,7 @@ class Panel:
             gui.add_html(_legend())
         box = gui.add_checkbox("Dark", dark)
         box.on_update(lambda event: self._theme(box.value))
-        self._choose(first if run is not None else NO_QUESTION, None)
+        self._guarded(None, lambda: self._choose(first if run is not None else NO_QUESTION, None))
 
     @property
     def start(self) -> Camera | None:
@@ -180,7 +182,7 @@ class Panel:
     def _stand(self, client: viser.ClientHandle | None) -> None:
         place = self._places.get(self._view.value)
         self._hide(place)
-        self._picture.visible = place is not None
+        self._picture.visible = False
         if place is None:
             return
         if client is not None:
@@ -191,6 +193,7 @@ class Panel:
                 client.camera.look_at = camera.center + AHEAD_M * camera.forward
                 client.camera.fov = vertical_fov(camera)
         self._picture.image = place.picture()
+        self._picture.visible = True
 
     def _hide(self, place: Place | None) -> None:
         """Hide the sign of the place that one stands in, which would fill the view, and show that of the last."""
@@ -211,7 +214,9 @@ class Panel:
             try:
                 work()
             except SplatReasonerError as error:
-                if client is not None:
+                if client is None:
+                    self._tell(str(error))
+                else:
                     client.add_notification("This did not work", str(error), color="red")
 
 

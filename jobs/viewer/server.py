@@ -1,4 +1,4 @@
-"""Opens a scene for browsers and ends it; the only file that imports viser."""
+"""Opens a scene for browsers and ends it; the only file that loads viser."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import errno
 import io
 import socket
 import threading
+from collections.abc import Callable
 from contextlib import redirect_stdout
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -48,12 +49,21 @@ class Viewer:
         run: Run folder over that scene; empty for the scene alone.
         question_id: The question to begin with; empty for none.
         options: How it is shown.
+        tell: Told what is wrong and does not stop it, such as a photograph that cannot be read.
 
     Raises:
         InputError: viser is not installed, the port is in use, the scene is wrong, or the run has no such question.
     """
 
-    def __init__(self, scene_uri: str, *, run: str = "", question_id: str = "", options: ViewerOptions) -> None:
+    def __init__(
+        self,
+        scene_uri: str,
+        *,
+        run: str = "",
+        question_id: str = "",
+        options: ViewerOptions,
+        tell: Callable[[str], None] = print,
+    ) -> None:
         if find_spec("viser") is None:
             raise InputError("view", expected="the extra 'view' (pip install 'splatreasoner[view]')", found="no viser")
         port = free_port(options.host, options.port)
@@ -70,7 +80,7 @@ class Viewer:
                 raise _in_use(options.host, port)
             self._server.scene.set_up_direction(np.asarray(context.scene.up, np.float64))
             stage = Stage(self._server, context, options.most)
-            panel = Panel(self._server, context, stage, asked, question_id, options.dark, options.threads)
+            panel = Panel(self._server, context, stage, asked, question_id, options.dark, options.threads, tell)
             self._look_from(panel, context)
         except BaseException:
             self.close()
@@ -79,9 +89,7 @@ class Viewer:
         self.url = f"http://{host}:{self.port}"
         """Where a browser finds it."""
         self._closed = threading.Event()
-        self.problem = ""
-        """Why photographs are missing; empty where none is."""
-        self._photographs = threading.Thread(target=self._load_photographs, args=(stage,), daemon=True)
+        self._photographs = threading.Thread(target=self._load_photographs, args=(stage, tell), daemon=True)
         self._photographs.start()
 
     def __enter__(self) -> Viewer:
@@ -103,13 +111,13 @@ class Viewer:
             first.position, first.look_at = camera.center, camera.center + AHEAD_M * camera.forward
             first.up, first.fov = np.asarray(context.scene.up, np.float64), vertical_fov(camera)
 
-    def _load_photographs(self, stage: Stage) -> None:
+    def _load_photographs(self, stage: Stage, tell: Callable[[str], None]) -> None:
         try:
             for _ in stage.photographs():
                 if self._closed.is_set():
                     return
         except InputError as error:
-            self.problem = str(error)
+            tell(f"no more photographs: {error}")
 
 
 def free_port(host: str, port: int) -> int:

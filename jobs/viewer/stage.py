@@ -37,13 +37,14 @@ MOST_CAMERAS = 300
 """Recorded cameras that are drawn, evenly spaced: more hide the room."""
 THUMBNAIL = 160
 """Longest side of a photograph in a recorded camera, pixels."""
-CAMERA_M, VIEW_M, LINE_M = 0.06, 0.12, 0.003
-"""Depth of a camera's frustum, of a chosen view's, and width of their lines."""
+CAMERA_M, CHOSEN_M, NOVEL_M, LINE_M = 0.06, 0.12, 0.03, 0.003
+"""Depth of the frustum of a recorded camera, a chosen view and another view, and width of their lines."""
 RECORDED = (73, 80, 87)
 RIGHT, TOO_MUCH, MISSED = (47, 158, 68), (232, 89, 12), (28, 126, 214)
 """Grounded and true; grounded and not true; true and not grounded."""
-SWELL = 1.3
-"""By how much coloured Gaussians are larger than their originals, so that they cover them."""
+SWELL, SHADE = 1.5, 0.2
+"""How much larger coloured Gaussians are than their originals, so that they cover them, and how much of the original's
+colour stays."""
 
 
 class Stage:
@@ -118,9 +119,9 @@ class Stage:
             self._of_question.append(label)
         for place, (camera, picture) in cameras.items():
             row = question.candidates[place]
-            size = VIEW_M if row["chosen"] else CAMERA_M
-            node = self._frustum(f"/views/{place}", camera, size, rgb_of(int(row["cluster"])), bool(row["chosen"]))
-            node.image = picture
+            size = CHOSEN_M if row["chosen"] else NOVEL_M
+            color, filled = rgb_of(int(row["cluster"])), bool(row["chosen"])
+            node = self._frustum(f"/views/{place}", camera, size, color, filled=filled, image=picture)
             self.candidates[place] = node
             self._of_question.append(node)
         for name, (mask, color) in self._groundings(question).items():
@@ -142,12 +143,19 @@ class Stage:
         colors, spread, opacities = splats.colors, splats.covariances, splats.opacities
         if color is not None:
             own: Float[np.ndarray, "3"] = np.array(color, np.float32) / 255
-            colors = (0.25 * colors + 0.75 * own).astype(np.float32)
-            spread = spread * np.float32(SWELL**2)
+            colors = (SHADE * colors + (1 - SHADE) * own).astype(np.float32)
+            spread, opacities = spread * np.float32(SWELL**2), 1 - (1 - opacities) ** 2
         return self._server.scene.add_gaussian_splats(name, splats.centers, spread, colors, opacities)
 
     def _frustum(
-        self, name: str, camera: Camera, size: float, color: tuple[int, int, int], filled: bool = False
+        self,
+        name: str,
+        camera: Camera,
+        size: float,
+        color: tuple[int, int, int],
+        *,
+        filled: bool = False,
+        image: UInt8[np.ndarray, "H W 3"] | None = None,
     ) -> viser.CameraFrustumHandle:
         return self._server.scene.add_camera_frustum(
             name,
@@ -156,6 +164,7 @@ class Stage:
             scale=size,
             thickness=LINE_M,
             color=color,
+            image=image,
             wxyz=rotations_to_quats(camera.camera_to_world[:, :3]),
             position=camera.center,
             variant="filled" if filled else "wireframe",

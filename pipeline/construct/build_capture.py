@@ -215,10 +215,10 @@ def _place_photos(
     """
     fusion, tried = config.fusion.model_copy(update={"threads": threads}), ""
     if config.register_photos == "auto":
-        trial = try_photos(capture.frames, fusion, progress=told.share)
+        trial = try_photos(capture.frames, fusion, progress=lambda share: told.share(share, "a trial on some frames"))
         if trial is None or not trial.pays:
             return capture, fused, 0
-        tried = f": {trial.frames} photographs that were left out of a trial fit {trial.gain:.1%} better"
+        tried = f": {len(trial.falls)} photographs that were left out of a trial fit {trial.gain:.1%} better"
     moved, count = place_photos(capture, fused, threads=threads, progress=told.count(len(capture)))
     warnings.append(
         f"moved {count} of {len(capture)} photographs to where the scene says they were taken, and the recorded views "

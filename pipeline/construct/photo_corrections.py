@@ -58,8 +58,7 @@ class PhotoCorrections:
         self._updates[index] += 1
         rates = self._config.rates
         if exposure is not None and exposure.grad is not None:
-            pull = 2.0 * self._config.exposure_pull * exposure.detach()
-            self._step(EXPOSURES, index, exposure.grad + pull, rates.exposures)
+            self._step(EXPOSURES, index, exposure.grad, rates.exposures)
         if pose_gradient is not None:
             self._step(POSES, index, pose_gradient, rates.poses)
 

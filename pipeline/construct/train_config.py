@@ -30,9 +30,9 @@ class LearningRates(BaseModel):
 
 
 class DensityConfig(BaseModel):
-    """When Gaussians are cloned, split and pruned; defaults are those of 3DGS, its steps as shares of the run.
+    """When Gaussians are cloned, split and pruned; 3DGS's defaults but for `growth`, its steps as shares of the run.
 
-    Off by default: a start from depth has its Gaussians. One from sparse points needs rounds (100 steps in 3DGS).
+    Off by default: a start from depth has its Gaussians. One from sparse points needs rounds, every 50 steps or so.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -47,7 +47,7 @@ class DensityConfig(BaseModel):
         default=0.01, gt=0, description="Gaussians up to this scale are cloned, larger ones split; in extents."
     )
     growth: float = Field(
-        default=1.0, gt=0, le=1, description="Share by which a round may add Gaussians; the strongest pulls come first."
+        default=0.2, gt=0, le=1, description="Share by which a round may add Gaussians; the strongest pulls come first."
     )
     most: int = Field(default=1_000_000, ge=1, description="Gaussians there may be; the strongest pulls come first.")
     least_opacity: float = Field(default=0.005, ge=0, lt=1, description="Fainter Gaussians are pruned.")
@@ -92,9 +92,6 @@ class TrainConfig(BaseModel):
         default=1024, ge=16, description="Photographs whose longer side has more pixels are scaled down to it."
     )
     exposure: bool = Field(default=False, description="Fit a gain and an offset per photograph and channel.")
-    exposure_pull: float = Field(
-        default=0.0, ge=0, description="Weight of the squares of log gains and offsets: they stay near none."
-    )
     refine_poses: bool = Field(
         default=False,
         description="Fit each photograph's pose: for captures whose photographs are out of step with them.",
@@ -105,7 +102,7 @@ class TrainConfig(BaseModel):
         description="Tiles of 16 x 16 pixels whose mean absolute error (colours of 0 to 1) is lower have no gradient; "
         "0 keeps every tile.",
     )
-    seed: int = Field(default=0, ge=0, description="Draws the order of frames and where split Gaussians go.")
+    seed: int = Field(default=0, ge=0, description="Draws the order of frames.")
     threads: int = Field(default=1, ge=1, description="Threads; no number of them changes a result.")
     device: Literal["cpu", "cuda"] = Field(default="cpu", description="cuda needs the gsplat package and a GPU.")
     checkpoint_steps: int = Field(default=200, ge=1, description="Steps between two checkpoints.")

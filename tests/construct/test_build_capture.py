@@ -11,8 +11,11 @@ from PIL import Image
 
 from pipeline.construct.build_capture import BuildProgress, _train_settings, build_capture
 from pipeline.construct.build_config import BuildConfig
+from pipeline.scene.captures import open_capture
 from pipeline.scene.check import check_scene
-from pipeline.scene.load import load_scene
+from pipeline.scene.load import load_objects, load_scene
+from pipeline.scene.objects import SceneObject
+from pipeline.scene.objects_file import objects_json
 from schemas.builds import BUILDS
 from schemas.errors import InputError, StoppedError
 from schemas.question_file import load_questions
@@ -59,7 +62,7 @@ def test_fused_room_is_a_whole_scene_whose_row_says_what_it_is(room: Path, tmp_p
     assert load_questions(tmp_path / "room" / "questions.jsonl") == questions
     assert BUILDS.to_rows(BUILDS.to_arrow([row])) == [row]
     assert [one.stage for one in told if one.share == 0.0][:3] == ["open", "select", "fuse"]
-    assert set(record.seconds) == {"open", "select", "fuse", "measure", "describe", "save"}
+    assert set(record.seconds) == {"open", "select", "fuse", "photos", "measure", "describe", "save"}
 
 
 def test_capture_gives_the_same_gaussians_whatever_the_threads(room: Path, tmp_path: Path) -> None:
@@ -95,16 +98,47 @@ def test_build_that_is_stopped_before_it_has_anything_leaves_no_scene(room: Path
     assert not (tmp_path / "room").exists()
 
 
+def test_moved_photographs_are_the_recorded_views_and_the_row_says_so(room: Path, tmp_path: Path) -> None:
+    config = FUSED.model_copy(update={"register_photos": "on"})
+    row = build_capture(str(room), config, str(tmp_path / "room")).row
+    recorded = {frame.name: frame.camera.world_to_camera for frame in open_capture(str(room)).frames}
+    views = {view.name: view.camera.world_to_camera for view in load_scene(str(tmp_path / "room")).views}
+    moved = [name for name, pose in views.items() if not np.allclose(pose, recorded[name], atol=1e-9)]
+    assert list(views) == list(recorded)
+    assert 0 < row.photos_moved <= row.fitted == 3
+    assert 0 < len(moved) <= row.photos_moved
+    assert any(line.startswith(f"moved {row.photos_moved} of 3 photographs") for line in row.warnings)
+
+
+def test_poses_that_were_refined_are_the_recorded_views(room: Path, tmp_path: Path) -> None:
+    pytest.importorskip("torch")
+    train = {**trained(3).train.model_dump(), "refine_poses": True}
+    config = BuildConfig.model_validate({**FUSED.model_dump(), "train": train, "register_photos": "off"})
+    build_capture(str(room), config, str(tmp_path / "room"))
+    recorded = [frame.camera.world_to_camera for frame in open_capture(str(room)).frames]
+    views = [view.camera.world_to_camera for view in load_scene(str(tmp_path / "room")).views]
+    same = [np.allclose(a, b, atol=1e-9) for a, b in zip(recorded, views, strict=True)]
+    assert same == [False, False, False, True], "the last of four was held out"
+
+
 def test_label_images_name_the_gaussians_they_cover(room: Path, tmp_path: Path) -> None:
     (tmp_path / "names.json").write_text(json.dumps(["wall", "door"]))
     for number in range(4):
         Image.fromarray(np.ones((36, 64), np.uint8)).save(tmp_path / f"frame-{number:06d}.label.png")
-    source = {"source": {"kind": "label_files", "folder": str(tmp_path)}}
-    config = BuildConfig.model_validate({**FUSED.model_dump(), "semantics": source})
+    doors = [SceneObject(k, "door", "white", (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)) for k in (1, 2)]
+    (tmp_path / "objects.json").write_bytes(objects_json(doors))
+    source = {"kind": "label_files", "folder": str(tmp_path), "instance": "{frame}.label.png"}
+    semantics = {"semantics": {"source": {**source, "objects": "objects.json"}}}
+    config = BuildConfig.model_validate({**FUSED.model_dump(), **semantics})
     row = build_capture(str(room), config, str(tmp_path / "room")).row
-    assert load_scene(str(tmp_path / "room")).semantics.present() == ("door",)
-    assert (row.labels, row.categories) == ("label_files", 1)
+    scene = load_scene(str(tmp_path / "room"))
+    assert scene.semantics.present() == ("door",)
+    assert scene.semantics.instance is not None
+    assert set(scene.semantics.instance.tolist()) <= {-1, 1}
+    assert load_objects(str(tmp_path / "room")) == tuple(doors)
+    assert (row.labels, row.categories, row.objects) == ("label_files", 1, 2)
     assert row.labelled > 0.5
+    assert any("1 of 2 ground-truth objects have no Gaussian" in line for line in row.warnings)
 
 
 def test_sparse_points_start_a_capture_without_depth(tmp_path: Path) -> None:

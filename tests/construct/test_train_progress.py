@@ -9,6 +9,7 @@ from pipeline.construct.camera_motion import moved
 from pipeline.construct.train_progress import HeldOutQuality, TrainProgress, held_out_quality
 from pipeline.metrics.image_quality import psnr
 from pipeline.render import render
+from schemas.errors import StoppedError
 from tests.construct import tiny_capture
 
 SCENE = tiny_capture.truth(150)
@@ -23,6 +24,19 @@ def test_a_perfect_scene_differs_by_the_photographs_rounding_alone() -> None:
     assert quality.depth_abs_m == pytest.approx(0.0, abs=1e-5)
     assert quality.depth_within_5cm == 1.0
     assert quality.aligned_psnr is None
+
+
+def test_measuring_tells_how_far_it_is_and_ends_where_the_one_told_says_so() -> None:
+    told: list[float] = []
+    held_out_quality(SCENE, FRAMES[:2], aligned=True, progress=told.append)
+    assert told == [0.0, 0.25, 0.75, 1.0]
+
+    def enough(share: float) -> None:
+        if share > 0:
+            raise StoppedError("enough")
+
+    with pytest.raises(StoppedError):
+        held_out_quality(SCENE, FRAMES, progress=enough)
 
 
 def test_figures_are_means_over_frames() -> None:

@@ -18,7 +18,7 @@ from pipeline.construct.build_config import BuildConfig
 from pipeline.construct.labels_2d.label_files import LabelFilesConfig
 from pipeline.render import prepare, render
 from pipeline.scene.captures import open_capture
-from pipeline.scene.load import load_scene
+from pipeline.scene.load import load_objects, load_scene
 from pipeline.scene.procedural import build_apartment
 from pipeline.scene.save import save_scene
 from schemas.errors import InputError
@@ -73,8 +73,10 @@ def test_capture_has_the_views_of_the_scene_with_depth_and_points_near_the_truth
 
 def test_scene_built_of_it_has_its_categories_and_instances(captured: Path, tmp_path: Path) -> None:
     capture = captured / "captures/apartment-3"
-    source = LabelFilesConfig(folder=str(capture / "labels"), instance="{frame}.instance.png", nothing=(65535,))
-    settings = {"start": "depth", "train": {"steps": 0}, "semantics": {"source": source}}
+    source = load_build_job(EXAMPLES / "build-depth-loss.yaml").build.semantics.source
+    assert isinstance(source, LabelFilesConfig)
+    source = source.model_copy(update={"folder": str(capture / "labels")})
+    settings = {"start": "depth", "train": {"steps": 0}, "semantics": {"source": source}, "register_photos": "off"}
     build_capture(str(capture), BuildConfig.model_validate(settings), str(tmp_path / "built"))
     truth, built = load_scene(str(captured / "true")), load_scene(str(tmp_path / "built"))
     meanings = []
@@ -88,6 +90,7 @@ def test_scene_built_of_it_has_its_categories_and_instances(captured: Path, tmp_
         assert known.mean() > 0.8
     assert meanings[1] <= meanings[0]
     assert len(meanings[1]) > 0.5 * len(meanings[0])
+    assert load_objects(str(tmp_path / "built")) == load_objects(str(captured / "true"))
     assert built.up == pytest.approx(truth.up, abs=0.05)
 
 

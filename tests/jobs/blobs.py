@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
+from PIL import Image
 
 from jobs.config import JobConfig
 from jobs.submit import submit
@@ -19,6 +21,8 @@ from schemas.questions import Question
 
 HOSTILE = "This is the ball. <img src=x onerror=\"document.title='owned'\">"
 """Text of a question that a page must not run."""
+PHOTO = (200, 30, 30)
+"""Colour of the one photograph."""
 EACH = 40
 """Gaussians a ball."""
 
@@ -41,6 +45,8 @@ def save_balls(folder: Path) -> Path:
     pose = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 3.0]])  # at y = -3, looking along +y
     camera = Camera(np.array([[60.0, 0, 32], [0, 60.0, 24], [0, 0, 1]]), pose, 64, 48)
     save_scene(Scene("balls", gaussians, (View("front", camera),), semantics), str(folder / "balls"))
+    (folder / "balls" / "images").mkdir()
+    Image.fromarray(np.full((48, 64, 3), PHOTO, np.uint8)).save(folder / "balls" / "images" / "front.png")
     return folder / "balls"
 
 
@@ -53,3 +59,15 @@ def ask_for_ball(scene: Path, run: Path) -> str:
     save_questions(asked, scene / "questions.jsonl")
     values = {"name": "balls", "output": str(run), "scenes": str(scene), "workers": {"in_process": True}}
     return submit(JobConfig.model_validate(values)).run
+
+
+@pytest.fixture(scope="session")
+def balls(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The scene; tests leave it as it is."""
+    return save_balls(tmp_path_factory.mktemp("balls"))
+
+
+@pytest.fixture(scope="session")
+def balls_run(balls: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The run over it; tests leave it as it is."""
+    return ask_for_ball(balls, tmp_path_factory.mktemp("balls-run") / "run")

@@ -15,6 +15,8 @@ from jobs.config import JobConfig
 from pipeline.scene.load import load_objects
 from schemas.question_file import load_questions, save_questions
 from tests.conftest import ROOT
+from tests.jobs.blobs import balls as balls
+from tests.jobs.blobs import balls_run as balls_run
 from tests.jobs.chaos.measured import measured as measured
 from tests.workers.fake_steps import MARKS, unit
 

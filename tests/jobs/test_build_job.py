@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -10,7 +12,7 @@ from typer.testing import CliRunner
 
 from jobs.build_captures import submit_build
 from jobs.build_job import BuildJob, load_build_job
-from jobs.build_plan import capture_sha256, plan_captures
+from jobs.build_plan import END_BYTES, capture_sha256, plan_captures
 from jobs.cli import app
 from pipeline.construct.train_config import TrainConfig
 from schemas.errors import InputError, StopError
@@ -132,8 +134,44 @@ def test_capture_is_another_with_a_changed_pose_or_another_file_but_not_elsewher
     assert capture_sha256(str(copy)) != whole
     pose.write_text(text)
     assert capture_sha256(str(copy)) == whole
-    (copy / "frame-000003.color.png").unlink()
+    photo = copy / "frame-000003.color.png"
+    pixels = photo.read_bytes()
+    photo.write_bytes(pixels[:-1] + bytes([pixels[-1] ^ 1]))
+    assert capture_sha256(str(copy)) != whole, "of the same size, but another"
+    photo.unlink()
     assert capture_sha256(str(copy)) != whole
+
+
+def test_large_file_is_another_with_a_changed_start_or_end(tmp_path: Path) -> None:
+    content = bytearray(3 * END_BYTES)
+    (tmp_path / "a.png").write_bytes(content)
+    found = [capture_sha256(str(tmp_path))]
+    for place in (END_BYTES - 1, -END_BYTES):
+        content[place] = 1
+        (tmp_path / "a.png").write_bytes(content)
+        found.append(capture_sha256(str(tmp_path)))
+    assert len(set(found)) == 3
+
+
+def test_unit_is_another_with_other_label_images(room: Path, tmp_path: Path) -> None:
+    labels = tmp_path / "labels" / "room"
+    labels.mkdir(parents=True)
+    source = {"kind": "label_files", "folder": str(tmp_path / "labels" / "{scene}")}
+    fields = {"name": "a", "output": "b", "captures": [str(room)], "build": {"semantics": {"source": source}}}
+    found = []
+    for pixel in (b"1", b"2", b"1"):
+        (labels / "frame-000000.label.png").write_bytes(pixel)
+        (planned,) = plan_captures(BuildJob.model_validate(fields))
+        found.append((planned.unit, planned.capture_sha256))
+    assert found[0] == found[2]
+    assert found[0][0] != found[1][0]
+    assert found[0][1] != found[1][1]
+
+
+def test_driver_of_a_build_does_not_import_what_its_workers_need() -> None:
+    code = "import sys, jobs.build_captures, jobs.verbs.build; print(*sys.modules)"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert not {"numba", "torch", "ray", "scipy", "cv2"} & set(out.split())
 
 
 @pytest.mark.parametrize(

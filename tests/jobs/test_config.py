@@ -54,7 +54,10 @@ def test_paths_are_relative_to_the_job_file_and_uris_stay(tmp_path: Path) -> Non
         (GOOD + "tasks: [eqa, vqa]\n", "job.yaml: tasks.1: expected 'eqa', 'ground_one' or 'ground_many', found 'vqa'"),
         (GOOD + "method: {novel_views: {cuont: 8}}\n", "method.novel_views: expected one of .*count.*, found cuont"),
         (GOOD + "models: {default: gpt}\n", "job.yaml: models.default: expected an endpoint: symbolic, found 'gpt'"),
-        ("name: t\noutput: s3://b/run\nscenes: x\n", "calls: expected a local folder, since the output is not local, found nothing"),
+        (
+            "name: t\noutput: s3://b/run\nscenes: x\n",
+            "calls: expected a local folder, since the output is not local, found nothing",
+        ),
     ],
 )
 def test_wrong_job_file_is_refused_in_one_line_that_says_where(tmp_path: Path, text: str, message: str) -> None:

@@ -21,17 +21,7 @@ from jobs.verbs.render import render
 from pipeline.scene.load import load_scene
 from pipeline.tasks.context import SceneContext
 from schemas.errors import InputError
-from tests.jobs.blobs import EACH, HOSTILE, ask_for_ball, save_balls
-
-
-@pytest.fixture(scope="module")
-def balls(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return save_balls(tmp_path_factory.mktemp("scenes"))
-
-
-@pytest.fixture(scope="module")
-def run(balls: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
-    return ask_for_ball(balls, tmp_path_factory.mktemp("runs") / "run")
+from tests.jobs.blobs import EACH, HOSTILE, save_balls
 
 
 def test_laid_over_filled_pixels_are_mixed_and_others_stay() -> None:
@@ -54,8 +44,8 @@ def test_map_labels_small_group_lies_over_large_one_and_outside_is_left_out() ->
     assert set(np.unique(labels)) == {0, 1, 5}
 
 
-def test_map_sheet_marks_chosen_views_clusters_and_path_where_they_are(balls: Path, run: str) -> None:
-    context, asked = SceneContext(load_scene(str(balls))), RunScene(run, str(balls))
+def test_map_sheet_marks_chosen_views_clusters_and_path_where_they_are(balls: Path, balls_run: str) -> None:
+    context, asked = SceneContext(load_scene(str(balls))), RunScene(balls_run, str(balls))
     question = asked.to_draw("one/ball")
     groups = QuestionArtist(context, asked.method).clusters(question)
     assert {len(ids) for ids in groups.values()} == {EACH}
@@ -99,8 +89,8 @@ def test_scene_map_without_views_is_an_input_error(balls: Path) -> None:
         scene_map(SceneContext(scene))
 
 
-def test_render_map_and_question_are_files_to_look_at(balls: Path, run: str, tmp_path: Path) -> None:
-    asked = ["render", str(balls), "--map", "--run", run, "--question", "one/ball", "--sheet"]
+def test_render_map_and_question_are_files_to_look_at(balls: Path, balls_run: str, tmp_path: Path) -> None:
+    asked = ["render", str(balls), "--map", "--run", balls_run, "--question", "one/ball", "--sheet"]
     told = CliRunner().invoke(app, [*asked, "--output", str(tmp_path)])
     assert told.exit_code == 0, told.output
     names = {path.name for path in tmp_path.iterdir()}
@@ -108,7 +98,7 @@ def test_render_map_and_question_are_files_to_look_at(balls: Path, run: str, tmp
     assert f"{len(names)} files" in told.output
     views = sorted(name for name in names if name.startswith("view-"))
     assert views[0] == "view-0-cluster-0-initial.png"
-    assert len(views) == len(RunScene(run, str(balls)).to_draw("one/ball").candidates)
+    assert len(views) == len(RunScene(balls_run, str(balls)).to_draw("one/ball").candidates)
     for name in names:
         assert np.asarray(Image.open(tmp_path / name)).std() > 5, name
 
@@ -128,8 +118,8 @@ def test_render_options_that_contradict_each_other_are_input_errors(
         render("scene", tmp_path, **changes)  # type: ignore[arg-type]
 
 
-def test_run_scene_tells_questions_targets_and_what_is_wrong(balls: Path, run: str, tmp_path: Path) -> None:
-    found = RunScene(run, str(balls))
+def test_run_scene_tells_questions_targets_and_what_is_wrong(balls: Path, balls_run: str, tmp_path: Path) -> None:
+    found = RunScene(balls_run, str(balls))
     assert list(found.questions) == ["one/ball", "count"]
     asked = found.questions["one/ball"]
     assert (asked.text, asked.task, asked.status) == (HOSTILE, "ground_one", "answered")
@@ -138,8 +128,8 @@ def test_run_scene_tells_questions_targets_and_what_is_wrong(balls: Path, run: s
     with pytest.raises(InputError, match=r"--question.*one/ball, count, found nope"):
         found.to_draw("nope")
     other = save_balls(tmp_path)
-    (other / "objects.json").write_text("[]")
+    (other / "more.txt").write_text("new")
     with pytest.raises(InputError, match="scenes of other content: balls"):
-        RunScene(run, str(other))
+        RunScene(balls_run, str(other))
     with pytest.raises(InputError, match="run folder"):
         RunScene(str(tmp_path), str(balls))

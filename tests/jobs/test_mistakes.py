@@ -17,7 +17,13 @@ from tests.jobs.test_cli import run
 from tests.scene.making import small_scene
 
 PAGE = ROOT / "docs" / "errors.md"
-QUESTION = {"question_id": "q1", "scene": "kitchen", "task": "eqa", "question": "What is on the table?", "answer": "A cup"}
+QUESTION = {
+    "question_id": "q1",
+    "scene": "kitchen",
+    "task": "eqa",
+    "question": "What is on the table?",
+    "answer": "A cup",
+}
 ENDPOINT = {"kind": "openai", "base_url": "http://127.0.0.1:9/v1", "model": "m"}
 JOB: dict[str, Any] = {"name": "test", "output": "run", "scenes": "kitchen", "workers": {"in_process": True}}
 NOT_AN_ERROR = {"job without a model server": 1, "scene without categories": 1, "one pose is no rotation": 0}

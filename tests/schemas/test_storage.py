@@ -154,7 +154,7 @@ def test_unknown_scheme_is_an_input_error() -> None:
 
 
 def test_folder_in_place_of_a_file_is_an_input_error(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="directory"):
+    with pytest.raises(InputError, match="found a folder"):
         storage.read_bytes(str(tmp_path))
     with pytest.raises(InputError):
         storage.write_bytes_atomic(str(tmp_path), b"x")

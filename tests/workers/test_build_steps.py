@@ -13,10 +13,12 @@ from schemas.errors import StoppedError
 from workers.build_here import BuildHere
 from workers.build_steps import (
     LOOK_S,
+    PROGRESS_FILE,
     BuildWork,
     CaptureProgress,
     ProgressFile,
     StopFiles,
+    _clear_aside,
     failed_build,
     read_progress,
 )
@@ -53,6 +55,13 @@ def test_progress_that_nobody_of_ours_wrote_is_passed_over(tmp_path: Path, text:
     (tmp_path / "u2" / "progress.json").write_text(text)
     assert len(read_progress(tmp_path)) == 1
     assert read_progress(tmp_path / "nowhere") == ()
+
+
+def test_what_a_killed_worker_was_writing_is_removed(tmp_path: Path) -> None:
+    for name in ("checkpoint", "checkpoint.1f.part", f"{PROGRESS_FILE}.7.tmp"):
+        (tmp_path / name).touch()
+    _clear_aside(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["checkpoint"]
 
 
 def test_any_stop_file_ends_the_work_for_good_and_is_looked_for_now_and_then(tmp_path: Path) -> None:
