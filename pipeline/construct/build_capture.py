@@ -196,7 +196,11 @@ def build_capture(
 def _start(capture: Capture, config: BuildConfig, threads: int, told: _Told) -> tuple[Gaussians, str, int]:
     """Return the Gaussians a scene begins as, what from, and how many frames had no depth to give."""
     depth = any(frame.depth is not None for frame in capture.frames)
-    if config.start == "depth" or (config.start == "auto" and depth):
+    if config.start == "depth" and not depth:
+        raise InputError(
+            f"capture {capture.name}", field="start", expected="depth images, or start: points", found="none"
+        )
+    if depth and config.start != "points":
         fusion = config.fusion.model_copy(update={"threads": threads})
         fused = fuse(capture.frames, fusion, progress=told.share)
         return fused.gaussians, "depth", len(fused.report.skipped)

@@ -63,7 +63,8 @@ def _kind(uri: str) -> str:
     if "images.bin" in names or "images.txt" in names or exists(join(uri, "sparse")) or exists(join(uri, "colmap")):
         return "colmap"
     expected = "frames of OpenEQA, ScanNet, HM3D or 7-Scenes, a .sens file, transforms.json or a COLMAP model"
-    raise InputError(uri, expected=expected, found=f"{len(names)} files of none of them")
+    found = f"{len(names)} files of none of them, such as {names[0]}" if names else "no file of any of them"
+    raise InputError(uri, expected=expected, found=found)
 
 
 def _openeqa(uri: str, name: str) -> Capture:
