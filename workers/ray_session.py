@@ -77,7 +77,7 @@ def ray_session(*, cpus: int, address: str = "") -> Iterator[Cluster]:
             a job that was submitted to a cluster, or starts a local one.
 
     Raises:
-        StopError: No cluster answers at the address, or its head has died by the end of the block.
+        StopError: No cluster answers at the address, none starts here, or its head has died by the end of the block.
     """
     address = address or os.environ.get("RAY_ADDRESS", "")
     for name, value in QUIET.items():
@@ -98,9 +98,14 @@ def ray_session(*, cpus: int, address: str = "") -> Iterator[Cluster]:
         path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH", "")]))
         environment = {**WORKER_ENVIRONMENT, "PYTHONPATH": path}
         # "local": without it Ray joins whatever cluster it finds on this machine.
-        ray.init(
-            address="local", num_cpus=cpus, include_dashboard=False, runtime_env={"env_vars": environment}, **quiet
-        )
+        try:
+            ray.init(
+                address="local", num_cpus=cpus, include_dashboard=False, runtime_env={"env_vars": environment}, **quiet
+            )
+        except Exception as error:  # Ray has no type of its own for a node that does not come up in time.
+            ray.shutdown()
+            reason = (str(error).splitlines() or [type(error).__name__])[0]
+            raise StopError(f"Ray does not start on this machine: {reason} (--in-process does without Ray)") from error
     ended_well = False
     try:
         slots = int(ray.cluster_resources().get("CPU", cpus))

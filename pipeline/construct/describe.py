@@ -127,7 +127,8 @@ def _closed_set(
         warnings.append(f"embeddings are {texts.model} vectors of category names, not of pictures")
     semantics = Semantics(found.vocabulary, found.category, embedding, found.instance)
     objects = source.objects if isinstance(source, LabelFiles) else ()
-    if objects and (bare := len({item.instance for item in objects} - set(np.unique(found.instance).tolist()))):
+    present = set() if found.instance is None else set(found.instance.tolist())
+    if bare := sum(item.instance not in present for item in objects):
         warnings.append(f"{bare} of {len(objects)} ground-truth objects have no Gaussian: nothing can find them")
     return Described(semantics, found.confidence, texts, found.report, tuple(warnings), objects)
 

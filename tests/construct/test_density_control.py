@@ -12,7 +12,7 @@ from pipeline.construct.density_control import control_density, cut_opacities, r
 from pipeline.construct.train_config import DensityConfig  # noqa: E402
 from pipeline.construct.train_state import TrainState  # noqa: E402
 
-CONFIG = DensityConfig(gradient=1.0, dense_extent=0.1, largest_extent=1.0, least_opacity=0.1)
+CONFIG = DensityConfig(growth=1.0, gradient=1.0, dense_extent=0.1, largest_extent=1.0, least_opacity=0.1)
 SMALL, LARGE = float(np.log(0.05)), float(np.log(0.5))
 """Log scales below and above `dense_extent`, with an extent of 1 m."""
 

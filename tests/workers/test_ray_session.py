@@ -91,6 +91,18 @@ def test_address_where_nobody_listens_stops_at_once() -> None:
         pytest.fail("there is no cluster")
 
 
+def test_ray_that_does_not_start_is_told_in_one_line_with_the_way_around(monkeypatch: pytest.MonkeyPatch) -> None:
+    import ray
+
+    def slow(**_: object) -> None:
+        raise Exception("The current node timed out during startup.\nMore.")
+
+    monkeypatch.delenv("RAY_ADDRESS", raising=False)
+    monkeypatch.setattr(ray, "init", slow)
+    with pytest.raises(StopError, match=r"timed out during startup\. \(--in-process does"), ray_session(cpus=1):
+        pytest.fail("there is no cluster")
+
+
 @pytest.mark.parametrize(
     ("given", "variable", "asked"), [("", "", "local"), ("", "head:6379", "head:6379"), ("auto", "x:1", "auto")]
 )
