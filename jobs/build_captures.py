@@ -239,7 +239,7 @@ def _refuse_changes(folder: RunFolder, job: BuildJob, found: dict[str, Any]) -> 
     done = set(committed_units(folder.root))
     for unit in folder.captures():
         if unit.id not in done and inputs_sha256(job, unit.capture, unit.scene) != unit.capture_sha256:
-            expected = "the capture, and the labels that name what is in it, as they were planned"
+            expected = "the capture as it was planned, and the labels or weights that name what is in it"
             raise InputError(unit.capture, expected=expected, found="files that have changed")
 
 
