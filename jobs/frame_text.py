@@ -1,4 +1,4 @@
-"""Frames as text for other programs: CSV, JSON and a LaTeX table."""
+"""Frames as text: aligned columns for people, CSV, JSON and a LaTeX table for other programs."""
 
 from __future__ import annotations
 
@@ -21,6 +21,21 @@ def to_records(frame: pd.DataFrame) -> list[dict[str, Any]]:
         dict(zip(names, map(_plain, row), strict=True))
         for row in frame.astype(object).itertuples(index=False, name=None)
     ]
+
+
+def to_text(frame: pd.DataFrame) -> str:
+    """Return the rows as lines with aligned columns under their names; a dash stands for nothing."""
+    rows = [[_shown(value) for value in record.values()] for record in to_records(frame)]
+    table = [[str(name).replace("_", " ") for name in frame.columns], *rows]
+    numbers = [all(not isinstance(value, str) for value in frame[name]) for name in frame.columns]
+    widths = [max(len(row[place]) for row in table) for place in range(len(frame.columns))]
+    return "\n".join(
+        "  ".join(
+            cell.rjust(width) if number else cell.ljust(width)
+            for cell, width, number in zip(row, widths, numbers, strict=True)
+        ).rstrip()
+        for row in table
+    )
 
 
 def to_json(content: Mapping[str, Any]) -> str:
@@ -73,3 +88,11 @@ def _cell(value: Any, digits: int) -> str:
 
 def _escaped(text: str) -> str:
     return "".join(_LATEX.get(sign, sign) for sign in text)
+
+
+def _shown(value: object) -> str:
+    if value is None:
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:,.2f}" if isinstance(value, float) else str(value)

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 LINE_WIDTH = 160
 """Columns of a table where there is no terminal to ask: nothing is wrapped in a log."""
@@ -65,7 +62,7 @@ def aggregate(
     import sys
 
     from jobs.aggregate import coverage, grouped_scores
-    from jobs.frame_text import to_csv, to_json, to_latex
+    from jobs.frame_text import to_csv, to_json, to_latex, to_text
     from jobs.scores import Options
 
     covered = coverage(run)
@@ -88,7 +85,7 @@ def aggregate(
         return
     if notice:
         print(notice, file=sys.stderr if as_csv else sys.stdout)
-    print(to_csv(rows) if as_csv else format_frame(rows[[*words[:-1], *SHOWN]]), end="\n" if not as_csv else "")
+    print(to_csv(rows) if as_csv else to_text(rows[[*words[:-1], *SHOWN]]), end="\n" if not as_csv else "")
 
 
 def _percents(text: str) -> tuple[float, ...]:
@@ -123,28 +120,3 @@ def show(run: str) -> None:
         console.print()
     for name, count in rows.items():
         print(f"{join(run, RESULTS, name)}.parquet: {count} rows")
-
-
-def format_frame(frame: DataFrame) -> str:
-    """Return a frame as text with aligned columns; a dash stands for nothing."""
-    from jobs.frame_text import to_records
-
-    rows = [[_cell(value) for value in record.values()] for record in to_records(frame)]
-    table = [[str(name).replace("_", " ") for name in frame.columns], *rows]
-    numbers = [all(not isinstance(value, str) for value in frame[name]) for name in frame.columns]
-    widths = [max(len(row[place]) for row in table) for place in range(len(frame.columns))]
-    return "\n".join(
-        "  ".join(
-            cell.rjust(width) if number else cell.ljust(width)
-            for cell, width, number in zip(row, widths, numbers, strict=True)
-        ).rstrip()
-        for row in table
-    )
-
-
-def _cell(value: object) -> str:
-    if value is None:
-        return "–"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return f"{value:,.2f}" if isinstance(value, float) else str(value)

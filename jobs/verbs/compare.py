@@ -77,7 +77,7 @@ def _write_page(found: Comparison, page: Path, overlays: int, scenes: str) -> Pa
 
 
 def _print_scores(found: Comparison) -> None:
-    from jobs.verbs.aggregate import format_frame
+    from jobs.frame_text import to_text
 
     for (first, second), rows in found.scores.groupby(["arm_a", "arm_b"], sort=False):
         print(f"{first} of A, {second} of B" if first != second else f"arm {first}")
@@ -85,7 +85,7 @@ def _print_scores(found: Comparison) -> None:
         frame = rows[list(SHOWN)].assign(scored=scored)
         for name in ("p", "p_scenes"):
             frame[name] = ["–" if p is None or p != p else "< 0.001" if p < 0.001 else f"{p:.3f}" for p in frame[name]]
-        print(format_frame(frame))
+        print(to_text(frame))
         if rows["few_scenes"].any():
             print(f"with {int(rows['scenes'].max())} scenes the intervals are themselves unsure")
         print()
@@ -109,10 +109,10 @@ def _print_config(found: Comparison) -> None:
 
 
 def _print_cost(found: Comparison) -> None:
-    from jobs.verbs.aggregate import format_frame
+    from jobs.frame_text import to_text
 
     print("cost of the questions in both, stored replies counted like sent ones")
-    print(format_frame(found.cost))
+    print(to_text(found.cost))
 
 
 def _print_questions(found: Comparison) -> None:

@@ -69,10 +69,9 @@ def print_table(found: Table, *, as_csv: bool = False, as_latex: bool = False) -
     """Print what there is of a table, in text unless told otherwise."""
     import pandas as pd
 
-    from jobs.frame_text import to_csv, to_latex
+    from jobs.frame_text import to_csv, to_latex, to_text
     from jobs.table_scores import cell_rows, table_cells
     from jobs.table_text import notes, parts_of, table_frame
-    from jobs.verbs.aggregate import format_frame
 
     cells = table_cells(found)
     if as_csv:
@@ -84,7 +83,7 @@ def print_table(found: Table, *, as_csv: bool = False, as_latex: bool = False) -
         return
     print(told[0])
     for part in parts_of(found):
-        print(*([] if part is None else [f"\n{part}"]), format_frame(table_frame(found, cells, (part,))), sep="\n")
+        print(*([] if part is None else [f"\n{part}"]), to_text(table_frame(found, cells, (part,))), sep="\n")
     for note in told[1:]:
         print(note)
 

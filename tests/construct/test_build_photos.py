@@ -39,11 +39,12 @@ def off(true: list[Frame]) -> list[Frame]:
         ((0.024, 0.028, 0.046, 0.046, 0.037, 0.034), True),
         ((-0.004, 0.012, 0.055, 0.057, 0.055, 0.022), True),
         ((0.004, -0.005, 0.024, -0.023, 0.01, -0.006), False),
-        ((0.01, 0.012, 0.011, 0.012), False),
+        ((0.016, 0.006, 0.003, 0.001, 0.017, 0.016), False),
+        ((0.014, 0.035, 0.04, 0.0, -0.029, 0.048), False),
         ((0.15, -0.02, -0.02, -0.01), False),
         ((0.05, 0.05, 0.05, float("nan")), False),
     ],
-    ids=["kitchen", "kitchen's end", "apartment", "too little", "by chance", "blind judge"],
+    ids=["kitchen", "kitchen's end", "apartment", "its middle", "its end", "by chance", "blind judge"],
 )
 def test_trial_pays_where_judges_fit_clearly_better(falls: tuple[float, ...], pays: bool) -> None:
     assert PhotoTrial(np.array(falls)).pays is pays
