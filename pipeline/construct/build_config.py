@@ -38,7 +38,7 @@ class BuildConfig(BaseModel):
     )
     train: TrainConfig = Field(default_factory=TrainConfig, description="the optimisation; steps: 0 leaves it out")
     densify_points_every: int = Field(
-        100,
+        50,
         ge=0,
         description="train.density.every of a capture that starts from sparse points and has 0 there: fused depth "
         "covers its surfaces, points do not",
