@@ -149,7 +149,14 @@ def test_rooms_do_not_hide_the_names_of_furniture() -> None:
 
 @pytest.mark.parametrize(
     ("plural", "one"),
-    [("shelves", "shelf"), ("boxes", "box"), ("couches", "couch"), ("dishes", "dish"), ("glass", "glass")],
+    [
+        ("tvs", "tv"),
+        ("shelves", "shelf"),
+        ("boxes", "box"),
+        ("couches", "couch"),
+        ("dishes", "dish"),
+        ("glass", "glass"),
+    ],
 )
 def test_singular(plural: str, one: str) -> None:
     assert singular(plural) == one

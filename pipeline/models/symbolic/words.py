@@ -28,6 +28,8 @@ _IRREGULAR = {
     "movies": "movie",
     "cookies": "cookie",
     "boxes": "box",
+    "tvs": "tv",
+    "pcs": "pc",
 }
 _SAME = frozenset(
     {"clothes", "this", "is", "has", "was", "does", "its", "glass", "gas", "us", "always", "plus", "besides"}
