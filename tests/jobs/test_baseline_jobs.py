@@ -50,9 +50,12 @@ def test_a_method_without_a_kind_is_the_papers() -> None:
         ("{kind: blind, frames: 3}", "method: expected one of mark, kind, found frames$"),
         ("{kind: multi_frame, frames: 0}", "method.frames: expected greater than or equal to 1, found 0$"),
         ("{kind: scores_field}", "method.file: expected a value, found nothing$"),
-        ("{kind: memory_snapshots, objects: {clusters: 1}}", "method.objects: expected one of .*, found clusters$"),
+        (
+            "{kind: memory_snapshots, objects: {clusters: 1}}",
+            "method.objects: expected one of .*, found clusters;",
+        ),
         ("{kind: sentence_field, by: labels}", "method.by: expected 'relevancy' or 'cosine', found 'labels'$"),
-        ("{novel_views: {cuont: 8}}", "method.novel_views: expected one of .*count.*, found cuont$"),
+        ("{novel_views: {cuont: 8}}", "method.novel_views: expected one of .*count.*, found cuont; count is meant"),
         ("blind", "method: expected .*, found 'blind'$"),
     ],
 )

@@ -152,7 +152,7 @@ def test_seven_scenes_without_intrinsics_takes_the_published_ones(tmp_path: Path
 
 
 def test_empty_folders_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="none of them"):
+    with pytest.raises(InputError, match="found no file of any of them"):
         open_capture(str(tmp_path))
     with pytest.raises(InputError, match="nothing there"):
         open_capture(str(tmp_path / "absent"))

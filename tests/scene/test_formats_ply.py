@@ -175,7 +175,7 @@ def test_opacities_and_scales_stored_activated_are_warned_of(tmp_path: Path) -> 
 def test_missing_file_and_folder_are_input_errors(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="nothing there"):
         load_gaussians(str(tmp_path / "no.ply"))
-    with pytest.raises(InputError, match="directory"):
+    with pytest.raises(InputError, match="found a folder"):
         load_gaussians(str(tmp_path))
 
 

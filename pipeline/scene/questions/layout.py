@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from pipeline.scene.objects import SceneObject
 
@@ -79,12 +79,27 @@ def measure_layout(objects: Sequence[SceneObject]) -> Layout:
     # Two convex shapes that do not meet are closest at a corner of one of them.
     corner_gap = _outside(corners, center, half, yaw).min(axis=2)
     gap = np.minimum(corner_gap, corner_gap.T)
-    gap[(overlap > 0) | (overlap.T > 0)] = 0.0
+    gap[_meet(center, half, yaw)] = 0.0
     top, bottom = center[:, 2] + half[:, 2], center[:, 2] - half[:, 2]
     over = bottom[:, None] - top[None]
     vertical = np.maximum(0.0, np.maximum(over, over.T))
     center_distance = np.linalg.norm(center[:, None] - center[None], axis=2)
     return Layout(center, half, yaw, gap, overlap, near, vertical, np.hypot(gap, vertical), center_distance)
+
+
+def _meet(
+    center: Float[np.ndarray, "n 3"], half: Float[np.ndarray, "n 3"], yaw: Float[np.ndarray, "n"]
+) -> Bool[np.ndarray, "n n"]:
+    """Return which footprints share a point: rectangles do unless a line along a side of one of them parts them."""
+    turn = yaw[None] - yaw[:, None]
+    cos, sin = np.abs(np.cos(turn)), np.abs(np.sin(turn))
+    east, north = np.moveaxis(center[None, :, :2] - center[:, None, :2], 2, 0)
+    x = np.cos(yaw)[:, None] * east + np.sin(yaw)[:, None] * north
+    y = -np.sin(yaw)[:, None] * east + np.cos(yaw)[:, None] * north
+    beside = np.abs(x) > half[:, None, 0] + cos * half[None, :, 0] + sin * half[None, :, 1]
+    beyond = np.abs(y) > half[:, None, 1] + sin * half[None, :, 0] + cos * half[None, :, 1]
+    parted = beside | beyond
+    return ~(parted | parted.T)
 
 
 def _footprint_points(
