@@ -7,6 +7,9 @@ written and nowhere else, so two kernels that share a formula get the same bits 
 
 Arithmetic uses the operators; the functions below do the rest. Loads and stores take a flat array and an offset in
 elements and check nothing.
+
+The file is long because it is one vocabulary: each function is ten lines of declaration around one instruction, on
+types that are private to it.
 """
 
 from __future__ import annotations
