@@ -154,7 +154,7 @@ def test_sparse_points_start_a_capture_without_depth(tmp_path: Path) -> None:
     assert 4 <= row.gaussians <= len(corners)
 
 
-@pytest.mark.parametrize(("source", "asked", "every"), [("points", 0, 100), ("points", 7, 7), ("depth", 0, 0)])
+@pytest.mark.parametrize(("source", "asked", "every"), [("points", 0, 50), ("points", 7, 7), ("depth", 0, 0)])
 def test_sparse_points_alone_are_densified_where_the_settings_do_not_say(source: str, asked: int, every: int) -> None:
     config = BuildConfig.model_validate({"train": {"density": {"every": asked}}})
     settings = _train_settings(config, source, threads=3)
