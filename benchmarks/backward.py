@@ -32,7 +32,7 @@ def raw_of(scene: Gaussians) -> RawGaussians:
 
 def fused_start(folder: Path) -> tuple[Gaussians, list[Camera]]:
     """Gaussians fused from a capture's depth, and its cameras."""
-    from pipeline.construct.fuse import fuse
+    from pipeline.construct.fusion.fuse import fuse
     from pipeline.scene.captures import open_capture
 
     frames = open_capture(folder).frames
@@ -69,7 +69,7 @@ def error_against_float64() -> None:
     """Largest differences of the gradients of 300 Gaussians on 96 x 72 pixels."""
     import torch
 
-    from tests.construct.test_rasterizer import image_weights, our_gradients, true_gradients
+    from tests.construct.training.test_rasterizer import image_weights, our_gradients, true_gradients
     from tests.render.scenes import camera, random_scene
 
     scene, view = random_scene(0, 300, sh_degree=3), camera(96, 72)

@@ -25,11 +25,11 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.apartments import ROOT
-from pipeline.construct.distill import DistillConfig, Distilled, distill
-from pipeline.construct.mesh_ply import Mesh
-from pipeline.construct.mesh_surfels import Surfels, density_surfels
-from pipeline.construct.scannet_labels import ScanNetLabels
-from pipeline.construct.scannet_mesh import build_scannet_mesh, read_scan
+from pipeline.construct.distillation.distill import DistillConfig, Distilled, distill
+from pipeline.construct.mesh.mesh_ply import Mesh
+from pipeline.construct.mesh.mesh_surfels import Surfels, density_surfels
+from pipeline.construct.mesh.scannet_labels import ScanNetLabels
+from pipeline.construct.mesh.scannet_mesh import build_scannet_mesh, read_scan
 from pipeline.scene import Gaussians
 
 DATA = Path(os.environ.get("SPLATREASONER_DATA", ROOT.parent / "shared" / "data"))
@@ -110,7 +110,7 @@ def picture(scan: Path, mesh: Mesh, labels: ScanNetLabels, gaussians: Gaussians,
     """Write the scan's own instances, above, and the distilled ones, below, from the same three views."""
     from PIL import Image
 
-    from pipeline.construct.mesh_surfels import vertex_surfels
+    from pipeline.construct.mesh.mesh_surfels import vertex_surfels
     from pipeline.render import category_image, prepare, render
 
     views = build_scannet_mesh(scan, views=12, width=480, height=360).scene.views[::4]
@@ -179,7 +179,7 @@ def sizes(scan: Path, counts: list[int]) -> None:
 
 CHILD = """
 import re, resource, sys, numpy as np
-from pipeline.construct.distill import distill
+from pipeline.construct.distillation.distill import distill
 from pipeline.scene import Gaussians
 folder, threads = sys.argv[1:]
 read = lambda name: np.load(f"{folder}/{name}.npy")

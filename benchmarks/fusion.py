@@ -24,10 +24,10 @@ import numpy as np
 from PIL import Image
 
 from benchmarks.apartments import ROOT
-from pipeline.construct.fuse import Fused, fuse
-from pipeline.construct.fuse_config import FusionConfig
-from pipeline.construct.procedural_frames import rgbd_frames
-from pipeline.construct.sparse_start import start_from_points
+from pipeline.construct.fusion.fuse import Fused, fuse
+from pipeline.construct.fusion.fuse_config import FusionConfig
+from pipeline.construct.fusion.sparse_start import start_from_points
+from pipeline.construct.simulated.procedural_frames import rgbd_frames
 from pipeline.metrics.image_quality import depth_errors, psnr, ssim
 from pipeline.render import color_image, prepare, render
 from pipeline.scene import Gaussians

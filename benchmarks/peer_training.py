@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from pipeline.construct.fuse import fuse
-from pipeline.construct.fuse_config import FusionConfig
-from pipeline.construct.train_progress import held_out_quality
+from pipeline.construct.fusion.fuse import fuse
+from pipeline.construct.fusion.fuse_config import FusionConfig
+from pipeline.construct.training.train_progress import held_out_quality
 from pipeline.geometry.pose import opengl_to_opencv
 from pipeline.scene.captures import Frame, open_capture
 from pipeline.scene.formats.read import load_gaussians

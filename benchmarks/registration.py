@@ -25,10 +25,10 @@ from PIL import Image
 
 from benchmarks.apartments import ROOT
 from pipeline.construct import build_scannet_mesh
-from pipeline.construct.labels_2d import FrameLabels
-from pipeline.construct.labels_2d.scene_frames import rendered_frames
-from pipeline.construct.labels_2d.ssd_mobilenet import SsdMobilenetConfig
-from pipeline.construct.register import Registered, RegistrationConfig, register_labels
+from pipeline.construct.semantics.labels_2d import FrameLabels
+from pipeline.construct.semantics.labels_2d.scene_frames import rendered_frames
+from pipeline.construct.semantics.labels_2d.ssd_mobilenet import SsdMobilenetConfig
+from pipeline.construct.semantics.register import Registered, RegistrationConfig, register_labels
 from pipeline.render import color_image, label_image, prepare, render, visible_ids
 from pipeline.scene import Scene
 from pipeline.scene.captures import Frame

@@ -23,22 +23,22 @@ from typing import Any
 import numpy as np
 import torch
 
-from pipeline.construct.depth_sensor import structured_light
-from pipeline.construct.depth_warp import inverse_depth_in
-from pipeline.construct.feature_points import KnownFrame, feature_points
-from pipeline.construct.fuse import fuse
-from pipeline.construct.fuse_config import FusionConfig
-from pipeline.construct.losses import inverse_depth_loss, photometric_loss, torch_ssim
-from pipeline.construct.procedural_frames import rgbd_frames
-from pipeline.construct.rasterizer import rasterize_seen
-from pipeline.construct.register_photos import register_photos
-from pipeline.construct.sparse_adam import sparse_adam
-from pipeline.construct.sparse_start import start_from_points
-from pipeline.construct.train import train
-from pipeline.construct.train_config import TrainConfig
-from pipeline.construct.train_progress import TrainProgress, held_out_quality
-from pipeline.construct.train_state import PARAMETERS, TrainState
-from pipeline.construct.train_views import TrainViews
+from pipeline.construct.fusion.fuse import fuse
+from pipeline.construct.fusion.fuse_config import FusionConfig
+from pipeline.construct.fusion.sparse_start import start_from_points
+from pipeline.construct.photos.register_photos import register_photos
+from pipeline.construct.simulated.depth_sensor import structured_light
+from pipeline.construct.simulated.feature_points import KnownFrame, feature_points
+from pipeline.construct.simulated.procedural_frames import rgbd_frames
+from pipeline.construct.training.depth_warp import inverse_depth_in
+from pipeline.construct.training.losses import inverse_depth_loss, photometric_loss, torch_ssim
+from pipeline.construct.training.rasterizer import rasterize_seen
+from pipeline.construct.training.sparse_adam import sparse_adam
+from pipeline.construct.training.train import train
+from pipeline.construct.training.train_config import TrainConfig
+from pipeline.construct.training.train_progress import TrainProgress, held_out_quality
+from pipeline.construct.training.train_state import PARAMETERS, TrainState
+from pipeline.construct.training.train_views import TrainViews
 from pipeline.scene import Gaussians
 from pipeline.scene.captures import Frame, open_capture
 from pipeline.scene.procedural import build_apartment

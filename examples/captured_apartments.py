@@ -18,9 +18,9 @@ import numpy as np
 from jaxtyping import Bool, Int32
 from PIL import Image
 
-from pipeline.construct.depth_sensor import structured_light
-from pipeline.construct.feature_points import KnownFrame, feature_points
-from pipeline.construct.procedural_frames import SEEN_ALPHA
+from pipeline.construct.simulated.depth_sensor import structured_light
+from pipeline.construct.simulated.feature_points import KnownFrame, feature_points
+from pipeline.construct.simulated.procedural_frames import SEEN_ALPHA
 from pipeline.geometry import rotations_to_quats
 from pipeline.render import color_image, prepare, render
 from pipeline.scene import Scene

@@ -71,7 +71,7 @@ def build_scan(directory: Path, output: str, *, views: int = 120, seed: int = 0)
     Raises:
         InputError: The scan lacks a file or one is wrong.
     """
-    from pipeline.construct.scannet_mesh import build_scannet_mesh
+    from pipeline.construct.mesh.scannet_mesh import build_scannet_mesh
 
     scene, objects = build_scannet_mesh(directory, views=views)
     return _write(scene, objects, (), output, seed, **SCAN_GROUNDING)

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from jobs.config import input_error
 from jobs.yaml_file import read_yaml
 from pipeline.construct.build_config import BuildConfig
-from pipeline.construct.labels_2d.choose import MAIN
+from pipeline.construct.semantics.labels_2d.choose import MAIN
 from pipeline.scene.captures.open_capture import CaptureKind
 from schemas import storage
 

@@ -15,7 +15,7 @@ from jobs.dataset import file_sha256
 from jobs.plan import ID_LENGTH, content_id
 from jobs.problems import Problems
 from jobs.versions import BUILD_STAGES
-from pipeline.construct.labels_2d.choose import MAIN
+from pipeline.construct.semantics.labels_2d.choose import MAIN
 from schemas import storage
 from schemas.build_plan import PlannedCapture
 from schemas.errors import InputError

@@ -11,7 +11,7 @@ from schemas import storage
 from schemas.errors import InputError
 
 if TYPE_CHECKING:
-    from pipeline.construct.describe import SemanticsConfig
+    from pipeline.construct.semantics.describe import SemanticsConfig
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +57,8 @@ def describe_scene(
     Raises:
         InputError: The output is the scene itself, or scene or source is wrong.
     """
-    from pipeline.construct.describe import describe
-    from pipeline.construct.labels_2d.scene_frames import rendered_frames
+    from pipeline.construct.semantics.describe import describe
+    from pipeline.construct.semantics.labels_2d.scene_frames import rendered_frames
     from pipeline.scene.captures.image_files import ImageFile
     from pipeline.scene.load import load_objects, load_scene
     from pipeline.scene.save import save_scene

@@ -12,7 +12,7 @@ from schemas import storage
 from schemas.errors import InputError
 
 if TYPE_CHECKING:
-    from pipeline.construct.distill import DistillConfig
+    from pipeline.construct.distillation.distill import DistillConfig
 
 NEAR_SIGMA = 3.0
 DOUBTFUL = 0.5
@@ -64,8 +64,8 @@ def label_scene(
     Raises:
         InputError: The output is the scene itself, there is nothing to write, or scene or source is wrong.
     """
-    from pipeline.construct.ground_truth import ground_truth
-    from pipeline.construct.labelled_points import read_labelled_points
+    from pipeline.construct.distillation.ground_truth import ground_truth
+    from pipeline.construct.distillation.labelled_points import read_labelled_points
     from pipeline.scene.load import load_objects, load_scene
     from pipeline.scene.save import save_scene
     from pipeline.scene.scene_file import QUESTIONS

@@ -33,7 +33,7 @@ HOMES = {
     "obstore": lambda path: path == Path("schemas/object_store.py"),
     "numba": lambda path: path.stem.endswith("_kernels"),
     "torch": lambda path: path.parts[:2] == ("pipeline", "construct"),
-    "gsplat": lambda path: path == Path("pipeline/construct/gsplat_rasterizer.py"),
+    "gsplat": lambda path: path == Path("pipeline/construct/training/gsplat_rasterizer.py"),
     "openai": lambda path: path.stem == "endpoint",
     "aiohttp": lambda path: path.stem == "endpoint",
     "httpx": lambda path: path.stem == "endpoint",

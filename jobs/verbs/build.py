@@ -113,7 +113,7 @@ def build(
             ("workers", "in_process"): False if address is not None and in_process is None else in_process,
         }
         if semantics is not None:
-            from pipeline.construct.labels_2d.choose import source_from_text
+            from pipeline.construct.semantics.labels_2d.choose import source_from_text
 
             changes["build", "semantics", "source"] = source_from_text(semantics).model_dump(mode="json")
         config = _build_job(capture or [], job, kind, name, changes)

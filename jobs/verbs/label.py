@@ -41,7 +41,7 @@ def label(
     from pydantic import ValidationError
 
     from jobs.label import label_scene
-    from pipeline.construct.distill import DistillConfig
+    from pipeline.construct.distillation.distill import DistillConfig
     from schemas.errors import InputError
 
     cores = threads or len(os.sched_getaffinity(0))
@@ -68,8 +68,8 @@ def label(
 def _describe(scene: str, semantics: str, output: str, threads: int) -> None:
     from jobs.describe import describe_scene
     from jobs.progress import for_terminal
-    from pipeline.construct.describe import SemanticsConfig
-    from pipeline.construct.labels_2d.choose import source_from_text
+    from pipeline.construct.semantics.describe import SemanticsConfig
+    from pipeline.construct.semantics.labels_2d.choose import source_from_text
 
     shown, begun = for_terminal("views"), False
 

@@ -100,7 +100,7 @@ def _names(uri: str, held: dict[str, np.ndarray], values: np.ndarray) -> tuple[s
 
 
 def _checkpoint(uri: str, scene: Scene) -> FieldFile:
-    from pipeline.construct.language_checkpoint import read_language_checkpoint
+    from pipeline.construct.semantics.language_checkpoint import read_language_checkpoint
 
     checkpoint = read_language_checkpoint(uri)
     means = scene.gaussians.means

@@ -1,5 +1,5 @@
 """Making scenes: from meshes and captures to Gaussians with categories."""
 
-from pipeline.construct.scannet_mesh import ScannetScene, build_scannet_mesh
+from pipeline.construct.mesh.scannet_mesh import ScannetScene, build_scannet_mesh
 
 __all__ = ["ScannetScene", "build_scannet_mesh"]

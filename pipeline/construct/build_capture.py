@@ -14,13 +14,13 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.construct.build_config import BuildConfig
-from pipeline.construct.build_photos import place_photos, try_photos
-from pipeline.construct.describe import Described, describe
-from pipeline.construct.fuse import fuse
+from pipeline.construct.fusion.fuse import fuse
+from pipeline.construct.fusion.sparse_start import start_from_points
 from pipeline.construct.held_out import split_held_out
-from pipeline.construct.sparse_start import start_from_points
-from pipeline.construct.train_config import TrainConfig
-from pipeline.construct.train_progress import TrainProgress, held_out_quality
+from pipeline.construct.photos.build_photos import place_photos, try_photos
+from pipeline.construct.semantics.describe import Described, describe
+from pipeline.construct.training.train_config import TrainConfig
+from pipeline.construct.training.train_progress import TrainProgress, held_out_quality
 from pipeline.construct.upright import estimate_up
 from pipeline.geometry import Camera
 from pipeline.scene import Gaussians, Scene, Semantics
@@ -250,7 +250,7 @@ def _trained(
 ) -> tuple[Gaussians, TrainProgress, Capture]:
     """Return the optimised Gaussians, the last report, and the capture with the poses that were fitted."""
     # Torch takes a second to import, and a scene without steps has no need of it.
-    from pipeline.construct.train import train
+    from pipeline.construct.training.train import train
 
     shown = [frame for frame in capture.frames if frame.image is not None]
     trained = train(

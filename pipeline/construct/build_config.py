@@ -6,9 +6,9 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from pipeline.construct.describe import SemanticsConfig
-from pipeline.construct.fuse_config import FusionConfig
-from pipeline.construct.train_config import TrainConfig
+from pipeline.construct.fusion.fuse_config import FusionConfig
+from pipeline.construct.semantics.describe import SemanticsConfig
+from pipeline.construct.training.train_config import TrainConfig
 
 
 class BuildConfig(BaseModel):

@@ -1,7 +1,7 @@
 """Images of Gaussians under training, and the gradients of a loss on them: forward and back, on NumPy arrays.
 
 `draw` takes raw parameters as they are at this step, with nothing prepared; `Drawing.gradients` returns those of the
-Gaussians the image shows. PyTorch's side is pipeline/construct/rasterizer.py.
+Gaussians the image shows. PyTorch's side is pipeline/construct/training/rasterizer.py.
 
 What is taken as constant: the depth order, which contributions pass 1/255, where a pixel stops, which Gaussians lie in
 front of the near plane. Where alpha is capped at 0.99 the image does not change with what is capped, and the gradient

@@ -15,7 +15,7 @@ from jobs.build_job import load_build_job
 from jobs.table_file import load_table
 from pipeline.construct.build_capture import build_capture
 from pipeline.construct.build_config import BuildConfig
-from pipeline.construct.labels_2d.label_files import LabelFilesConfig
+from pipeline.construct.semantics.labels_2d.label_files import LabelFilesConfig
 from pipeline.render import prepare, render
 from pipeline.scene.captures import open_capture
 from pipeline.scene.load import load_objects, load_scene

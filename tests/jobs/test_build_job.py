@@ -14,7 +14,7 @@ from jobs.build_captures import submit_build
 from jobs.build_job import BuildJob, load_build_job
 from jobs.build_plan import END_BYTES, capture_sha256, plan_captures
 from jobs.cli import app
-from pipeline.construct.train_config import TrainConfig
+from pipeline.construct.training.train_config import TrainConfig
 from schemas.errors import InputError, StopError
 from tests.scene.box_room import write_seven_scenes
 from tests.workers.fake_builds import MARKS, fake_build

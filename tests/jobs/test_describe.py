@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from jobs.cli import app
 from jobs.describe import describe_scene
-from pipeline.construct.describe import SemanticsConfig
+from pipeline.construct.semantics.describe import SemanticsConfig
 from pipeline.scene.check import check_scene
 from pipeline.scene.load import load_scene
 from pipeline.scene.save import save_scene

@@ -36,7 +36,7 @@ HOSTILE = (
 
 SOURCES = [path for package in ("schemas", "pipeline", "workers", "jobs") for path in (ROOT / package).rglob("*.py")]
 RUNS_CODE = {"pickle", "cPickle", "dill", "cloudpickle", "marshal", "shelve", "joblib", "jsonpickle", "runpy", "code"}
-OWN_OBJECTS = {Path("workers/together.py"), Path("pipeline/construct/language_checkpoint.py")}
+OWN_OBJECTS = {Path("workers/together.py"), Path("pipeline/construct/semantics/language_checkpoint.py")}
 """Where pickle sees nothing but objects this process has just made, and where its error alone is named."""
 
 

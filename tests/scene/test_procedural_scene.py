@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from pipeline.construct.procedural_frames import rgbd_frames
+from pipeline.construct.simulated.procedural_frames import rgbd_frames
 from pipeline.geometry import look_at
 from pipeline.render import prepare, render
 from pipeline.scene.color_names import name_color

@@ -1,0 +1,1 @@
+"""Ground truth on Gaussians, from labelled point clouds and meshes."""

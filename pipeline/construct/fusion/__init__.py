@@ -1,0 +1,1 @@
+"""A start: depth images fused to flat Gaussians, or Gaussians at sparse points."""

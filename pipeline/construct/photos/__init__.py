@@ -1,0 +1,1 @@
+"""Photographs moved onto their poses, and what they need for it."""

@@ -1,0 +1,1 @@
+"""3DGS optimisation: rasteriser, losses, optimiser, density control, checkpoints, progress."""
