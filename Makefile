@@ -20,7 +20,7 @@ demo: $(READY)  ## answer questions about three generated apartments, offline
 	$(BIN)/splatreasoner demo
 
 test: lint types  ## lint, types and the default tests
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile
 
 test-slow: $(READY)  ## the tests that take minutes
 	$(BIN)/python -m pytest -m slow --timeout=1800

@@ -18,11 +18,11 @@ import tempfile
 import time
 from pathlib import Path
 
-from jobs.build import build_procedural
 from jobs.config import JobConfig
 from jobs.demo import SEEDS
 from jobs.forecast import OF_THE_BILL, Forecast, forecast
-from jobs.submit import submit
+from jobs.runs.submit import submit
+from jobs.scenes.build import build_procedural
 from tests.jobs.metered_server import METERED_STEPS, MeteredServer, metered_endpoint
 
 SHARE = 0.15

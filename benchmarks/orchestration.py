@@ -29,8 +29,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from benchmarks.null_steps import STEPS
 from jobs.config import JobConfig
-from jobs.progress import Silent
-from jobs.submit import RunResult, resume, submit
+from jobs.runs.progress import Silent
+from jobs.runs.submit import RunResult, resume, submit
 from schemas.plan import PLAN_FILE
 
 SAMPLES = 10

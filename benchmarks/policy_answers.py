@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from jobs.build import build_procedural
+from jobs.scenes.build import build_procedural
 from pipeline.config import MethodConfig
 from pipeline.metrics.llm_match import match_score
 from pipeline.metrics.significance import bootstrap_interval

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from jobs.report import write_report
 from jobs.report.pictures import DrawingBudget
-from jobs.scores import Options
+from jobs.scoring.scores import Options
 from tests.jobs.browser import Tab, browse, find_browser
 from tests.jobs.synthetic_run import write_run
 

@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-from jobs.status import run_status
+from jobs.runs.status import run_status
 from schemas.manifest_file import UNITS, Manifest, PartEntry, encode_manifest, numbered_uri
 from schemas.plan import PLAN_FILE, PlannedUnit, encode_plan
 from schemas.questions import Question

@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.apartments import ROOT, apartment
-from jobs.index import build_index
+from jobs.scenes.index import build_index
 from pipeline.query.transposed import Transposed
 from pipeline.query.visibility import VisibilityConfig, VisibilityIndex
 from pipeline.query.visibility_store import VisibilityStore

@@ -13,7 +13,7 @@ from typing import Any, get_args, get_origin
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
-from jobs.build_job import BuildJob
+from jobs.builds.build_job import BuildJob
 from jobs.config import DEFAULT_METHOD, JobConfig
 from schemas.build_plan import BUILD_PLAN
 from schemas.plan import PLAN

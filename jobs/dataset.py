@@ -11,8 +11,8 @@ from pathlib import Path
 
 from jobs.config import IN_SCENE, JobConfig
 from jobs.dataset_config import DatasetConfig
-from jobs.problems import Problems
 from jobs.question_index import QuestionIndex
+from jobs.runs.problems import Problems
 from pipeline.datasets import load_dataset_questions
 from pipeline.datasets.missing import missing_scenes, scene_folders
 from pipeline.scene.load import read_views

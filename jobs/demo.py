@@ -14,11 +14,11 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 
-from jobs.build import build_procedural
 from jobs.config import JobConfig, WorkersConfig
-from jobs.plan import content_id, plan_units
-from jobs.progress import Progress, for_terminal
-from jobs.submit import RunResult, submit
+from jobs.runs.plan import content_id, plan_units
+from jobs.runs.progress import Progress, for_terminal
+from jobs.runs.submit import RunResult, submit
+from jobs.scenes.build import build_procedural
 from schemas.run_folder import RUN_FILE, RunFolder
 from workers.ray_session import WORKER_ENVIRONMENT
 

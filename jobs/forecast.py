@@ -19,9 +19,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from jobs.config import JobConfig
-from jobs.drive import BATCHES_PER_CPU
-from jobs.plan import plan_units
-from jobs.progress import Progress, Silent
+from jobs.runs.drive import BATCHES_PER_CPU
+from jobs.runs.plan import plan_units
+from jobs.runs.progress import Progress, Silent
 from jobs.trial import StageCount, Trials, Tried
 from pipeline.models.config import STAGES
 from pipeline.models.messages import Stage

@@ -16,7 +16,7 @@ from typing import BinaryIO
 import numpy as np
 from jaxtyping import Int64
 
-from jobs.problems import Problems
+from jobs.runs.problems import Problems
 from schemas import storage
 from schemas.errors import InputError
 from schemas.question_file import no_question, question_at, read_lines

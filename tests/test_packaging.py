@@ -38,7 +38,7 @@ def test_wheel_holds_every_source_and_data_file_and_nothing_else(wheel: list[str
         for path in (ROOT / package).rglob("*")
         if path.is_file() and path.suffix not in (".pyc", ".nbi", ".nbc")
     }
-    wanted |= {f"jobs/table_presets/{path.name}" for path in (ROOT / "examples" / "tables").iterdir()}
+    wanted |= {f"jobs/tables/presets/{path.name}" for path in (ROOT / "examples" / "tables").iterdir()}
     assert {name for name in wheel if ".dist-info/" not in name} == wanted
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from jobs.arm_order import standing_arm
-from jobs.coverage import read_plan
 from jobs.dataset import scene_sha256
 from jobs.drawing.question import method_of
 from jobs.drawing.scene_places import planned_scenes
 from jobs.drawing.to_draw import ToDraw
+from jobs.scoring.arm_order import standing_arm
+from jobs.scoring.coverage import read_plan
 from pipeline.config import MethodConfig
 from schemas.errors import InputError
 from schemas.run_folder import RunFolder, read_table

@@ -11,8 +11,6 @@ from urllib.parse import quote
 
 import pandas as pd
 
-from jobs.compare import Comparison
-from jobs.progress import Progress
 from jobs.report.listing import SHARD, list_data, prompt_templates, scenery
 from jobs.report.pictures import DrawingBudget, draw_pictures
 from jobs.report.plots import Bar, BarGroup, bar_plot
@@ -20,7 +18,9 @@ from jobs.report.questions import LISTED, OF_A_QUESTION, Questions
 from jobs.report.shards import DataFolder
 from jobs.report.shell import Section, document, plot_box, question_section, sheet_table
 from jobs.report.write import MAX_QUESTIONS
-from jobs.sheets import MAIN_METRICS, TASK_NAMES, Sheet, interval, metric_name
+from jobs.runs.progress import Progress
+from jobs.scoring.compare import Comparison
+from jobs.scoring.sheets import MAIN_METRICS, TASK_NAMES, Sheet, interval, metric_name
 from schemas import storage
 from schemas.run_folder import RunFolder, read_table
 

@@ -15,9 +15,9 @@ from jobs.report.plots import Bar, BarGroup, bar_plot
 from jobs.report.questions import RIGHT_IOU, RIGHT_MARK
 from jobs.report.shell import Section, document, plot_box, question_section, sheet_table
 from jobs.report.spending import error_plot, spending_plot
-from jobs.scores import ARMS, PENDING, STATUSES, in_order
-from jobs.sheets import MAIN_METRICS, TASK_NAMES, Sheet, make_sheets, metric_name
-from jobs.status import RunStatus
+from jobs.runs.status import RunStatus
+from jobs.scoring.scores import ARMS, PENDING, STATUSES, in_order
+from jobs.scoring.sheets import MAIN_METRICS, TASK_NAMES, Sheet, make_sheets, metric_name
 
 MEANINGS = (
     f"Right: the answer of the last arm has a mark of {RIGHT_MARK} or 5, or an IoU above {RIGHT_IOU:.0%}. "

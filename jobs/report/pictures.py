@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from jobs.arm_order import standing_arm
-from jobs.coverage import read_plan
 from jobs.drawing.map_frame import frame_of, up_of
 from jobs.drawing.scene_places import find_scene, planned_scenes
 from jobs.drawing.to_draw import ToDraw
-from jobs.progress import Progress, Silent
 from jobs.report.questions import Questions
 from jobs.report.shards import DataFolder
+from jobs.runs.progress import Progress, Silent
+from jobs.scoring.arm_order import standing_arm
+from jobs.scoring.coverage import read_plan
 from schemas.errors import SplatReasonerError
 
 

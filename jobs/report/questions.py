@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from jobs.arm_order import place_of, standing_arm
+from jobs.scoring.arm_order import place_of, standing_arm
 from pipeline.metrics.llm_match import match_score
 from schemas.run_folder import image_name
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
-from jobs.sheets import Sheet
+from jobs.scoring.sheets import Sheet
 
 HERE = Path(__file__).parent
 SHARED = ("dom.js", "views.js", "question.js", "list.js")

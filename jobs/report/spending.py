@@ -10,9 +10,9 @@ import pandas as pd
 
 from jobs.report.curves import Dot, dot_plot, growth_plot
 from jobs.report.shell import plot_box
-from jobs.scores import ARMS, in_order
-from jobs.sheets import MAIN_METRICS, TASK_NAMES
-from jobs.spend import CallTotals
+from jobs.runs.spend import CallTotals
+from jobs.scoring.scores import ARMS, in_order
+from jobs.scoring.sheets import MAIN_METRICS, TASK_NAMES
 
 
 def spending_plot(events: Iterable[Mapping[str, Any]]) -> str:

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from jobs.aggregate import NEEDED, aggregate_tables
-from jobs.coverage import read_plan
-from jobs.events import read_events
-from jobs.progress import Progress
 from jobs.report.listing import SHARD, list_data, prompt_templates, scenery
 from jobs.report.page import RunFacts, page
 from jobs.report.pictures import DrawingBudget, draw_pictures
 from jobs.report.questions import LABELS, OF_A_QUESTION, Questions
 from jobs.report.shards import DataFolder
-from jobs.scores import Options
-from jobs.status import run_status
+from jobs.runs.events import read_events
+from jobs.runs.progress import Progress
+from jobs.runs.status import run_status
+from jobs.scoring.aggregate import NEEDED, aggregate_tables
+from jobs.scoring.coverage import read_plan
+from jobs.scoring.scores import Options
 from schemas import storage
 from schemas.run_folder import RunFolder, read_table
 

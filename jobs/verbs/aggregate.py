@@ -50,8 +50,8 @@ def aggregate(
     if table:
         if by or marks or as_json:
             raise InputError("--table", expected="with --csv or --latex at most", found="other options")
-        from jobs.table_file import load_table
-        from jobs.table_run import as_last_run
+        from jobs.tables.table_file import load_table
+        from jobs.tables.table_run import as_last_run
         from jobs.verbs.table import print_table
 
         print_table(as_last_run(load_table(table, output=run)), as_csv=as_csv, as_latex=as_latex)
@@ -61,13 +61,13 @@ def aggregate(
         return
     import sys
 
-    from jobs.aggregate import coverage, grouped_scores
     from jobs.frame_text import to_csv, to_json, to_latex, to_text
-    from jobs.scores import Options
+    from jobs.scoring.aggregate import coverage, grouped_scores
+    from jobs.scoring.scores import Options
 
     covered = coverage(run)
     if marks:
-        from jobs.marks import read_marks, with_marks
+        from jobs.scoring.marks import read_marks, with_marks
 
         remarked = with_marks(covered, read_marks(marks), arm)
         covered = remarked.covered
@@ -101,10 +101,10 @@ def show(run: str) -> None:
     """Write the final tables and print the scores."""
     from rich.console import Console
 
-    from jobs.aggregate import aggregate
-    from jobs.coverage import notice
-    from jobs.results import RESULTS, write_results
-    from jobs.sheets import format_tables
+    from jobs.runs.results import RESULTS, write_results
+    from jobs.scoring.aggregate import aggregate
+    from jobs.scoring.coverage import notice
+    from jobs.scoring.sheets import format_tables
     from schemas.storage import join
 
     rows = write_results(run)

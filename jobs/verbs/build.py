@@ -10,7 +10,7 @@ import typer
 from schemas.errors import InputError
 
 if TYPE_CHECKING:
-    from jobs.build_job import BuildJob
+    from jobs.builds.build_job import BuildJob
 
 AS_LONG_AS_TIME_LASTS = 30_000
 """Steps where minutes alone are asked for: what 3DGS takes, and more than a CPU does in an hour."""
@@ -91,8 +91,8 @@ def build(
     if output is None and job is None:
         raise InputError("build", field="--output", expected="a folder", found="nothing")
     if capture or job is not None:
-        from jobs.build_captures import submit_build
-        from jobs.progress import for_terminal, progress_style
+        from jobs.builds.build_captures import submit_build
+        from jobs.runs.progress import for_terminal, progress_style
         from jobs.verbs.ending import end_build
 
         if minutes is not None and steps is None and job is None:
@@ -120,7 +120,7 @@ def build(
         shown = for_terminal("captures", progress_style(plain, log_json))
         end_build(submit_build(config, subject=job or "--capture", progress=shown))
         return
-    from jobs.build import build_procedural, build_scan
+    from jobs.scenes.build import build_procedural, build_scan
 
     assert output is not None, "only a job names its own"
     if procedural is not None:
@@ -138,7 +138,7 @@ def _build_job(
     captures: list[str], job: Path | None, kind: str | None, name: str | None, changes: dict[tuple[str, ...], Any]
 ) -> BuildJob:
     """Return the job that a file or the captures describe, with what the options change."""
-    from jobs.build_job import anchored, checked_build_job, load_build_job
+    from jobs.builds.build_job import anchored, checked_build_job, load_build_job
 
     if job is not None:
         if kind is not None or name is not None:

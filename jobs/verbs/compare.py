@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from jobs.compare import Comparison
+    from jobs.scoring.compare import Comparison
 
 SHOWN = ("task", "metric", "mean_a", "mean_b", "difference", "low", "high", "p", "p_scenes", "gained", "lost", "tied")
 """Columns of the scores in the terminal; --json has all."""
@@ -43,7 +43,7 @@ def compare(
 
     [bold]splatreasoner compare runs/base runs/more-views --page comparison.html[/bold]
     """
-    from jobs.compare import compare_runs
+    from jobs.scoring.compare import compare_runs
 
     found = compare_runs(a, b, arm=arm)
     if page is not None:
@@ -68,9 +68,9 @@ def compare(
 
 
 def _write_page(found: Comparison, page: Path, overlays: int, scenes: str) -> Path:
-    from jobs.progress import for_terminal
     from jobs.report.compare_page import write_comparison
     from jobs.report.pictures import DrawingBudget
+    from jobs.runs.progress import for_terminal
 
     drawing = DrawingBudget(overlays, scenes=scenes)
     return write_comparison(found, page, drawing=drawing, progress=for_terminal("questions drawn"))

@@ -18,7 +18,7 @@ def curate(
 
     Example: [bold]splatreasoner curate scenes/* --output referring.jsonl --count 49 --seed 0[/bold]
     """
-    from jobs.curate import curate_scenes
+    from jobs.scenes.curate import curate_scenes
 
     made = curate_scenes(scenes, output, count=count, least_distractors=distractors, seed=seed)
     print(f"{output}: {made.summary}")

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from jobs.signals import STOPPED
+from jobs.runs.signals import STOPPED
 from schemas.errors import InputError
 
 if TYPE_CHECKING:
-    from jobs.submit import RunResult
+    from jobs.runs.submit import RunResult
     from schemas.builds import BuildRow
 
 FAILED = 1
@@ -36,7 +36,7 @@ def end(result: RunResult) -> None:
     Raises:
         typer.Exit: The run was stopped, or every question of the session failed.
     """
-    from jobs.status import run_status
+    from jobs.runs.status import run_status
 
     driven, status = result.driven, run_status(result.run)
     counts = ", ".join(f"{count} {name}" for name, count in sorted(status.statuses.items()))

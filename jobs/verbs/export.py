@@ -29,7 +29,7 @@ def export(
 
     Example: [bold]splatreasoner export demo/run --format openeqa --output results.json[/bold]
     """
-    from jobs.export import export_run
+    from jobs.scoring.export import export_run
 
     done = export_run(run, form.value, output, arm=arm)
     print(f"{done.answered} of {done.planned} questions answered, {done.scored} scored")

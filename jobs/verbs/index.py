@@ -25,8 +25,8 @@ def index(
 
     Example: [bold]splatreasoner index demo/scenes/apartment-101 --output demo/visibility[/bold]
     """
-    from jobs.index import build_index
-    from jobs.progress import for_terminal
+    from jobs.runs.progress import for_terminal
+    from jobs.scenes.index import build_index
     from pipeline.query.visibility import VisibilityConfig
 
     config = VisibilityConfig(long_side=long_side, near_m=near)

@@ -40,7 +40,7 @@ def label(
     """
     from pydantic import ValidationError
 
-    from jobs.label import label_scene
+    from jobs.scenes.label import label_scene
     from pipeline.construct.distillation.distill import DistillConfig
     from schemas.errors import InputError
 
@@ -66,8 +66,8 @@ def label(
 
 
 def _describe(scene: str, semantics: str, output: str, threads: int) -> None:
-    from jobs.describe import describe_scene
-    from jobs.progress import for_terminal
+    from jobs.runs.progress import for_terminal
+    from jobs.scenes.describe import describe_scene
     from pipeline.construct.semantics.describe import SemanticsConfig
     from pipeline.construct.semantics.labels_2d.choose import source_from_text
 

@@ -38,7 +38,7 @@ def say_plan(config: JobConfig, job: Path, sample: int | None = None, seconds_a_
         InputError: The job or a question file is wrong, or no scene can be used.
     """
     from jobs.forecast import forecast
-    from jobs.progress import for_terminal
+    from jobs.runs.progress import for_terminal
 
     shown = for_terminal()
     cpus = 1 if config.workers.in_process else config.workers.cpus or len(os.sched_getaffinity(0))

@@ -23,9 +23,9 @@ def report(
 
     [bold]splatreasoner report runs/scannet --overlays 500 --seconds 1800 --scenes data/scenes[/bold]
     """
-    from jobs.progress import for_terminal
     from jobs.report import write_report
     from jobs.report.pictures import DrawingBudget
+    from jobs.runs.progress import for_terminal
 
     drawing = DrawingBudget(overlays, seconds, scenes)
     print(write_report(run, drawing=drawing, progress=for_terminal("questions drawn")))

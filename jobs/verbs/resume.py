@@ -26,8 +26,8 @@ def resume(
 
     Example: [bold]splatreasoner resume demo/run[/bold]
     """
-    from jobs.progress import for_terminal, progress_style
-    from jobs.submit import resume
+    from jobs.runs.progress import for_terminal, progress_style
+    from jobs.runs.submit import resume
     from jobs.verbs.ending import cache_mode, end, end_build
     from schemas.run_folder import RunFolder
 
@@ -39,7 +39,7 @@ def resume(
     budget = {name: value for name, value in caps.items() if value is not None}
     cache = cache_mode(no_cache, replay)
     if RunFolder(run).builds():
-        from jobs.build_captures import resume_build
+        from jobs.builds.build_captures import resume_build
         from schemas.errors import InputError
 
         if budget or cache:

@@ -23,7 +23,7 @@ def retry(
 
     Example: [bold]splatreasoner retry demo/run --error RateLimitError && splatreasoner resume demo/run[/bold]
     """
-    from jobs.retry import retry
+    from jobs.runs.retry import retry
 
     def tell(text: str) -> None:
         print(text, file=sys.stderr)

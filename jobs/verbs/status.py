@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from jobs.status import RunStatus
+    from jobs.runs.status import RunStatus
 
 FAILURES_SHOWN = 12
 """Reasons told, the most frequent; --json gives all."""
@@ -29,7 +29,7 @@ def status(
     import sys
     import time
 
-    from jobs.status import run_status
+    from jobs.runs.status import run_status
 
     while True:
         found = run_status(run)

@@ -27,8 +27,8 @@ def submit(
     Example: [bold]splatreasoner submit job.yaml[/bold]
     """
     from jobs.config import load_job
-    from jobs.progress import for_terminal, progress_style
-    from jobs.submit import in_another_folder, submit
+    from jobs.runs.progress import for_terminal, progress_style
+    from jobs.runs.submit import in_another_folder, submit
     from jobs.verbs.ending import cache_mode, end
 
     config, cache = load_job(job), cache_mode(no_cache, replay)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from jobs.table_file import Table
+    from jobs.tables.table_file import Table
 
 
 def table(
@@ -35,7 +35,7 @@ def table(
     """
     import os
 
-    from jobs.table_file import load_table
+    from jobs.tables.table_file import load_table
     from schemas.errors import InputError
     from schemas.storage import local_path
 
@@ -50,7 +50,7 @@ def table(
         settings["workers"] = {"in_process": True}
     found = load_table(file, output=output, settings=settings)
     if (show or list_rows) and not settings:
-        from jobs.table_run import as_last_run
+        from jobs.tables.table_run import as_last_run
 
         found = as_last_run(found)
     if list_rows:
@@ -60,7 +60,7 @@ def table(
     stopped = False if show else _run(found, names)
     print_table(found, as_csv=as_csv, as_latex=as_latex)
     if stopped:
-        from jobs.signals import STOPPED
+        from jobs.runs.signals import STOPPED
 
         raise typer.Exit(STOPPED)
 
@@ -70,8 +70,8 @@ def print_table(found: Table, *, as_csv: bool = False, as_latex: bool = False) -
     import pandas as pd
 
     from jobs.frame_text import to_csv, to_latex, to_text
-    from jobs.table_scores import cell_rows, table_cells
-    from jobs.table_text import notes, parts_of, table_frame
+    from jobs.tables.table_scores import cell_rows, table_cells
+    from jobs.tables.table_text import notes, parts_of, table_frame
 
     cells = table_cells(found)
     if as_csv:
@@ -92,8 +92,8 @@ def _run(found: Table, rows: tuple[str, ...]) -> bool:
     """Do the runs; return whether someone asked to stop."""
     import sys
 
-    from jobs.progress import for_terminal
-    from jobs.table_run import run_table
+    from jobs.runs.progress import for_terminal
+    from jobs.tables.table_run import run_table
 
     result = run_table(found, rows, progress=for_terminal)
     if result.complete:

@@ -18,7 +18,7 @@ def verify(
 
     Example: [bold]splatreasoner verify demo/run[/bold]
     """
-    from jobs.verify import verify_run
+    from jobs.runs.verify import verify_run
 
     found = verify_run(run, calls=calls, clean=clean)
     print(f"{found.items}: {found.questions} of {found.planned} committed, whole and right, in {found.units} units")

@@ -13,7 +13,7 @@ from typer.main import get_command
 
 from jobs.cli import VERBS, app
 from jobs.config import JobConfig, checked_job
-from jobs.submit import submit
+from jobs.runs.submit import submit
 from pipeline.scene.scene import Scene
 from schemas.builds import BUILDS
 from tests.conftest import ROOT

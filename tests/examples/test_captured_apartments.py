@@ -11,8 +11,8 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from jobs.build_job import load_build_job
-from jobs.table_file import load_table
+from jobs.builds.build_job import load_build_job
+from jobs.tables.table_file import load_table
 from pipeline.construct.build_capture import build_capture
 from pipeline.construct.build_config import BuildConfig
 from pipeline.construct.semantics.labels_2d.label_files import LabelFilesConfig

@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from jobs.config import JobConfig
-from jobs.submit import submit
+from jobs.runs.submit import submit
 from pipeline.geometry import Camera
 from pipeline.scene.gaussians import Gaussians
 from pipeline.scene.save import save_scene

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from pydantic import BaseModel
 
-from jobs.results import RESULTS
+from jobs.runs.results import RESULTS
 from schemas.manifest import committed_units
 from tests.conftest import ROOT
 

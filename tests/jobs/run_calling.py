@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from jobs.config import JobConfig
-from jobs.submit import submit
+from jobs.runs.submit import submit
 from tests.workers.calling_steps import STEPS
 
 if __name__ == "__main__":

@@ -6,8 +6,8 @@ import sys
 from pathlib import Path
 
 from jobs.config import JobConfig
-from jobs.progress import Lines
-from jobs.submit import resume, submit
+from jobs.runs.progress import Lines
+from jobs.runs.submit import resume, submit
 from schemas.errors import SplatReasonerError
 from tests.workers.fake_steps import STEPS
 

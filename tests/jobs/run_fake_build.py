@@ -5,9 +5,9 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from jobs.build_captures import resume_build, submit_build
-from jobs.build_job import BuildJob
-from jobs.progress import Lines
+from jobs.builds.build_captures import resume_build, submit_build
+from jobs.builds.build_job import BuildJob
+from jobs.runs.progress import Lines
 from schemas.errors import SplatReasonerError
 from tests.workers.fake_builds import fake_build
 

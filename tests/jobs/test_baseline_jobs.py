@@ -10,8 +10,8 @@ import pytest
 
 from jobs.config import JobConfig, checked_job, load_job
 from jobs.forecast import forecast
-from jobs.plan import plan_units
-from jobs.submit import submit
+from jobs.runs.plan import plan_units
+from jobs.runs.submit import submit
 from pipeline.config import MethodConfig
 from pipeline.scene.save import save_scene
 from pipeline.scene.text_embeddings import TextEmbeddings, text_embeddings_npz

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from jobs.config import JobConfig
-from jobs.results import RESULTS
-from jobs.submit import resume, submit
+from jobs.runs.results import RESULTS
+from jobs.runs.submit import resume, submit
 from schemas.errors import StopError
 from schemas.run_folder import read_table
 from tests.jobs.chaos.measured import Measured
@@ -103,7 +103,7 @@ def test_a_cap_on_money_needs_prices(server: CountingServer, make_job: MakeJob) 
 
 
 def test_caps_change_no_unit(make_scene: Callable[..., Path], make_job: MakeJob, server: CountingServer) -> None:
-    from jobs.plan import plan_units
+    from jobs.runs.plan import plan_units
 
     make_scene("a", TEXTS)
     plans = [plan_units(make_job(models=models(server), budget=budget)) for budget in ({}, {"calls": 3})]

@@ -14,7 +14,7 @@ import yaml
 
 from jobs.cli import VERBS, main
 from jobs.config import JobConfig
-from jobs.submit import submit
+from jobs.runs.submit import submit
 from tests.conftest import ROOT
 from tests.jobs.conftest import MakeJob
 from tests.workers.fake_steps import STEPS

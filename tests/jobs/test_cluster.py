@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from jobs.submit import submit
+from jobs.runs.submit import submit
 from schemas.run_folder import read_table
 from tests.conftest import ROOT
 from tests.jobs.chaos.measured import Measured

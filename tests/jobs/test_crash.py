@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from jobs import lock
-from jobs.lock import driver_alive
-from jobs.results import RESULTS
-from jobs.status import run_status
-from jobs.submit import resume, submit
+from jobs.runs import lock
+from jobs.runs.lock import driver_alive
+from jobs.runs.results import RESULTS
+from jobs.runs.status import run_status
+from jobs.runs.submit import resume, submit
 from schemas.errors import StopError
 from schemas.manifest import committed_units, damaged_units
 from schemas.run_folder import read_table

@@ -12,7 +12,7 @@ import pytest
 
 from jobs.config import load_job
 from jobs.dataset import load_dataset
-from jobs.plan import plan_units
+from jobs.runs.plan import plan_units
 from schemas.errors import InputError
 from tests.jobs.conftest import MakeJob
 

@@ -9,9 +9,9 @@ import pytest
 
 from jobs.config import JobConfig
 from jobs.demo import SEEDS, run_demo
-from jobs.progress import Silent
-from jobs.results import RESULTS
-from jobs.submit import resume, submit
+from jobs.runs.progress import Silent
+from jobs.runs.results import RESULTS
+from jobs.runs.submit import resume, submit
 from pipeline.scene.check import check_scene
 from schemas.manifest import committed_units, manifest_uri
 from schemas.question_file import load_questions

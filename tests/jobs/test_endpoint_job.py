@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 
 from jobs.config import JobConfig
-from jobs.results import RESULTS
-from jobs.submit import resume, submit
+from jobs.runs.results import RESULTS
+from jobs.runs.submit import resume, submit
 from schemas.manifest import committed_units, manifest_uri
 from schemas.question_file import load_questions, save_questions
 from schemas.run_folder import read_table

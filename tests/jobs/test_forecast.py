@@ -12,7 +12,7 @@ import pytest
 
 from jobs.config import JobConfig
 from jobs.forecast import forecast
-from jobs.submit import submit
+from jobs.runs.submit import submit
 from jobs.verbs.plan import plan
 from schemas.question_file import load_questions, save_questions
 from schemas.run_folder import read_table

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from jobs.submit import submit
-from jobs.verify import verify_run
+from jobs.runs.submit import submit
+from jobs.runs.verify import verify_run
 from schemas.question_file import save_questions
 from schemas.questions import Question
 from schemas.run_folder import read_table

@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 
 from jobs.config import JobConfig
-from jobs.results import RESULTS
-from jobs.submit import submit
+from jobs.runs.results import RESULTS
+from jobs.runs.submit import submit
 from tests.conftest import ROOT
 from tests.jobs.chaos.measured import Measured
 from tests.jobs.conftest import MakeJob

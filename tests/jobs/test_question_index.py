@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from jobs.problems import Problems
 from jobs.question_index import QuestionIndex
+from jobs.runs.problems import Problems
 from schemas.errors import InputError
 from schemas.question_file import save_questions
 from schemas.questions import TASKS, Question

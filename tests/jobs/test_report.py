@@ -21,7 +21,7 @@ from jobs.report.plots import WIDTH, Bar, BarGroup, bar_plot
 from jobs.report.questions import labels_of
 from jobs.report.shards import script_of
 from jobs.report.spending import spending_plot
-from jobs.scores import Options
+from jobs.scoring.scores import Options
 from schemas.errors import InputError
 from tests.jobs.synthetic_run import EVIL, write_run
 

@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from jobs.compare import compare_runs
 from jobs.report import write_report
 from jobs.report.compare_page import write_comparison
 from jobs.report.pictures import DrawingBudget
-from jobs.scores import Options
+from jobs.scoring.compare import compare_runs
+from jobs.scoring.scores import Options
 from tests.jobs.browser import Tab, browse, find_browser
 from tests.jobs.synthetic_run import write_run
 

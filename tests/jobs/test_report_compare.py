@@ -9,10 +9,10 @@ from urllib.parse import unquote
 
 import pytest
 
-from jobs.compare import Comparison, compare_runs
 from jobs.report.compare_page import OUTCOMES, write_comparison
 from jobs.report.pictures import DrawingBudget
-from jobs.scores import Options
+from jobs.scoring.compare import Comparison, compare_runs
+from jobs.scoring.scores import Options
 from tests.jobs.synthetic_run import EVIL, write_run
 from tests.jobs.test_cli import run
 from tests.jobs.test_report import Page, data_of

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from jobs.events import read_events
-from jobs.results import RESULTS
-from jobs.status import run_status
-from jobs.submit import resume, submit
-from jobs.verify import verify_run
+from jobs.runs.events import read_events
+from jobs.runs.results import RESULTS
+from jobs.runs.status import run_status
+from jobs.runs.submit import resume, submit
+from jobs.runs.verify import verify_run
 from schemas import object_store, storage
 from schemas.manifest import commit_unit, committed_units
 from tests.conftest import ROOT

@@ -13,13 +13,13 @@ import pandas as pd
 import pytest
 import yaml
 
-from jobs.aggregate import aggregate
 from jobs.frame_text import to_csv, to_latex
-from jobs.table_file import PRESETS, Table, load_table, merged
-from jobs.table_run import as_last_run, run_table
-from jobs.table_scores import Cell, cell_rows, table_cells
-from jobs.table_text import notes, table_frame
-from jobs.versions import STAGES
+from jobs.runs.versions import STAGES
+from jobs.scoring.aggregate import aggregate
+from jobs.tables.table_file import PRESETS, Table, load_table, merged
+from jobs.tables.table_run import as_last_run, run_table
+from jobs.tables.table_scores import Cell, cell_rows, table_cells
+from jobs.tables.table_text import notes, table_frame
 from schemas.errors import InputError
 from schemas.manifest import committed_units
 from tests.jobs.synthetic_run import write_run

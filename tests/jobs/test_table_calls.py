@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from jobs.table_file import load_table
-from jobs.table_run import run_table
-from jobs.table_scores import table_cells
+from jobs.tables.table_file import load_table
+from jobs.tables.table_run import run_table
+from jobs.tables.table_scores import table_cells
 from schemas.question_file import load_questions, save_questions
 from schemas.run_folder import read_table
 from tests.jobs.test_endpoint_job import server as server

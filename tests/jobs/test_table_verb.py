@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import yaml
 
-from jobs.table_file import load_table
+from jobs.tables.table_file import load_table
 from jobs.verbs.aggregate import aggregate
 from jobs.verbs.table import table
 from schemas.errors import InputError

@@ -123,7 +123,7 @@ t.train(t.START, t.FITTED, t.CONFIG, checkpoint=Path(sys.argv[1]), progress=prog
 
 
 def test_a_killed_run_goes_on_to_the_same_bits(tmp_path: Path) -> None:
-    path, root = tmp_path / "train.npz", Path(__file__).parents[2]
+    path, root = tmp_path / "train.npz", Path(__file__).parents[3]
     killed = subprocess.run([sys.executable, "-c", _KILLED, path], cwd=root, env=os.environ, check=False)
     assert killed.returncode == -signal.SIGKILL
     steps = 0

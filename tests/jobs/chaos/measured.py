@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from jobs.submit import RunResult
+from jobs.runs.submit import RunResult
 from schemas.errors import InputError, SplatReasonerError
 from schemas.run_folder import RunFolder
 from schemas.tables import SAME_EVERY_RUN

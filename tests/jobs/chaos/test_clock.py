@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from jobs.submit import resume, submit
+from jobs.runs.submit import resume, submit
 from pipeline.models import journal
 from pipeline.models.traffic import open_admissions
 from schemas.errors import StopError

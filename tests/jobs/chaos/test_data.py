@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from jobs.config import JobConfig
-from jobs.submit import in_another_folder, resume, submit
-from jobs.verify import verify_run
+from jobs.runs.submit import in_another_folder, resume, submit
+from jobs.runs.verify import verify_run
 from pipeline.scene.save import save_scene
 from schemas.question_file import load_questions, save_questions
 from schemas.questions import Question

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from jobs.submit import resume, submit
+from jobs.runs.submit import resume, submit
 from tests.jobs.chaos.measured import Measured
 from tests.jobs.conftest import MakeJob
 from tests.jobs.faults import (

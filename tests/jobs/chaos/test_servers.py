@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from jobs.config import JobConfig
-from jobs.retry import retry
-from jobs.submit import resume, submit
+from jobs.runs.retry import retry
+from jobs.runs.submit import resume, submit
 from pipeline.models.traffic import open_admissions
 from schemas.run_folder import read_table
 from tests.jobs.chaos.faulty_server import Call, Fault, FaultyServer, Spoiled

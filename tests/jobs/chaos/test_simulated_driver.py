@@ -13,14 +13,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from jobs import drive, lock
 from jobs.config import JobConfig
-from jobs.drive import Driven
-from jobs.events import EventLog
-from jobs.lock import RunLock
-from jobs.progress import Silent
-from jobs.signals import Stopping
-from jobs.submit import submit
+from jobs.runs import drive, lock
+from jobs.runs.drive import Driven
+from jobs.runs.events import EventLog
+from jobs.runs.lock import RunLock
+from jobs.runs.progress import Silent
+from jobs.runs.signals import Stopping
+from jobs.runs.submit import submit
 from schemas import compaction, local_files
 from schemas.manifest import damaged_units
 from schemas.plan import PLAN_FILE

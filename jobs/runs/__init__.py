@@ -1,0 +1,1 @@
+"""The life of a run: plan, driver, commits, resume, status, retry, verification."""

@@ -1,0 +1,1 @@
+"""Scene folders written: generated, from scans, labelled, described, indexed."""

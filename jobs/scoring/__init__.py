@@ -1,0 +1,1 @@
+"""What a run's rows amount to: scores, intervals, comparisons, exports."""
