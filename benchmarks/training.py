@@ -52,6 +52,9 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "default": {},
     "no-depth": {"depth_first": 0.0},
     "registered": {"refine_poses": True},
+    "registered-no-depth": {"refine_poses": True, "depth_first": 0.0},
+    "registered-depth-0.1": {"refine_poses": True, "depth_last": 0.1},
+    "registered-depth-1": {"refine_poses": True, "depth_last": 1.0},
     "photos": {"refine_poses": True, "exposure": True},
     "photos-no-depth": {"refine_poses": True, "exposure": True, "depth_first": 0.0},
     "points": {"depth_first": 0.0, "density": {"every": 50}},
@@ -69,7 +72,7 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "floor": {"tile_error_floor": 0.02},
 }
 """What differs from the defaults."""
-REGISTERED = ("registered", "photos", "photos-no-depth")
+REGISTERED = tuple(name for name in VARIANTS if name.startswith(("registered", "photos")))
 """Variants whose photographs are registered to the scene, which is then fused again, before anything is fitted."""
 FROM_POINTS = ("points", "points-as-they-are")
 """Variants that start from sparse points."""
