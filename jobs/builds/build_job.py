@@ -123,9 +123,9 @@ def anchored(job: Mapping[str, Any], folder: Path) -> dict[str, Any]:
             return {**value, **({"path": at(value["path"])} if "path" in value else {})}
         if not isinstance(value, str) or not value or storage.local_path(value) is None:
             return value
-        place = folder / Path(value).expanduser()
-        # In a pattern, "*/sparse/.." asks for folders that have one.
-        return str(place) if glob.has_magic(str(place)) else os.path.normpath(place)
+        place = os.path.join(folder, os.path.expanduser(value))
+        # In a pattern, "*/" asks for folders, and "*/sparse/.." for those that have one.
+        return place if glob.has_magic(place) else os.path.normpath(place)
 
     found = {name: at(value) if name in PATHS else value for name, value in job.items()}
     source = ((found.get("build") or {}).get("semantics") or {}).get("source")

@@ -113,7 +113,8 @@ def _found(job: BuildJob, subject: object, problems: Problems) -> Iterator[tuple
         if path is None or not glob.has_magic(str(path)):
             yield entry.path, entry
             continue
-        matches = sorted(map(os.path.normpath, glob.glob(str(path), recursive=True)))
+        pattern = os.path.join(path, "") if entry.path.endswith("/") else str(path)
+        matches = sorted(map(os.path.normpath, glob.glob(pattern, recursive=True)))
         if not matches:
             expected = "a pattern that matches captures"
             problems.add(InputError(subject, field="captures", expected=expected, found=entry.path))

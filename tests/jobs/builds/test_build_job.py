@@ -86,6 +86,15 @@ def test_pattern_may_ask_for_what_lies_in_a_capture(room: Path, tmp_path: Path) 
     assert planned.capture == str(tmp_path / "scans" / "one" / "inner")
 
 
+def test_pattern_that_ends_in_a_slash_asks_for_folders(room: Path, tmp_path: Path) -> None:
+    (tmp_path / "scans").mkdir()
+    (tmp_path / "scans" / "room").symlink_to(room)
+    (tmp_path / "scans" / "questions.jsonl").touch()
+    job = load_build_job(write(tmp_path / "job.yaml", "{name: a, output: b, captures: 'scans/*/'}"))
+    (planned,) = plan_captures(job)
+    assert planned.capture == str(tmp_path / "scans" / "room")
+
+
 def test_one_capture_need_not_be_a_list(tmp_path: Path) -> None:
     job = load_build_job(write(tmp_path / "job.yaml", "{name: one, output: built, captures: kitchen}"))
     assert [entry.path for entry in job.captures] == [str(tmp_path / "kitchen")]
