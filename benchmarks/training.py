@@ -53,7 +53,7 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "no-depth": {"depth_first": 0.0},
     "registered": {"refine_poses": True},
     "registered-no-depth": {"refine_poses": True, "depth_first": 0.0},
-    "registered-depth-0.1": {"refine_poses": True, "depth_last": 0.1},
+    "registered-depth-0.01": {"refine_poses": True, "depth_last": 0.01},
     "registered-depth-1": {"refine_poses": True, "depth_last": 1.0},
     "photos": {"refine_poses": True, "exposure": True},
     "photos-no-depth": {"refine_poses": True, "exposure": True, "depth_first": 0.0},

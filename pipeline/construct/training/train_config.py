@@ -78,7 +78,12 @@ class TrainConfig(BaseModel):
     depth_first: float = Field(
         default=1.0, ge=0, description="Weight of the inverse-depth loss at the start; 0 leaves it out."
     )
-    depth_last: float = Field(default=0.01, gt=0, description="Its weight at the end; log-linear between.")
+    depth_last: float = Field(
+        default=0.1,
+        gt=0,
+        description="Its weight at the end; log-linear between. 0.01, made for depth that a network guessed, lets "
+        "surfaces drift off measured depth; 1 costs colour.",
+    )
     rates: LearningRates = Field(default=LearningRates(), description="Learning rates.")
     beta2: float = Field(default=0.999, gt=0, lt=1, description="Memory of Adam's squared gradients.")
     density: DensityConfig = Field(default=DensityConfig(), description="Cloning, splitting and pruning.")
