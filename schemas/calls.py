@@ -45,6 +45,9 @@ class CallRow:
     """Price by the endpoint's price list, US dollars; 0 when cached, null where there is no price."""
     cached: bool
     """Answered from the cache: nothing was sent."""
+    prompt: str = ""
+    """Text of the request, a line `=== role ===` before each message and `[image HASH]` where a picture stood; empty
+    where the job keeps none, and in parts of versions 1 and 2."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +88,8 @@ class RegionRow:
 
 CALLS = TableSpec(
     name="calls",
-    version=2,
+    version=3,
+    work=2,
     record=CallRow,
     key=("question_id", "stage", "subject", "attempt"),
     columns={
@@ -106,9 +110,13 @@ CALLS = TableSpec(
         "latency_s": "float64",
         "usd": "float64?",
         "cached": "bool",
+        "prompt": "string",
     },
-    added={"wait_s": Added(2, 0.0), "usd": Added(2)},
+    added={"wait_s": Added(2, 0.0), "usd": Added(2), "prompt": Added(3, "")},
 )
+
+CALL_FIGURES = tuple(name for name in CALLS.columns if name != "prompt")
+"""Columns that costs are made of: all but the texts of requests, most of what a call takes in memory."""
 
 TIMINGS = TableSpec(
     name="timings",

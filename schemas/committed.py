@@ -125,7 +125,7 @@ class Committed:
         self.blocks, self.merged, self.loose, self.shadowed = now.blocks, now.merged, now.loose, now.shadowed
         self._kept = {}
 
-    def read(self, reader: PartReader, unit: str, table: str) -> pa.Table:
+    def read(self, reader: PartReader, unit: str, table: str, columns: tuple[str, ...] | None = None) -> pa.Table:
         """Return one table's rows of a unit, also when its files were merged after this look.
 
         Raises:
@@ -134,7 +134,7 @@ class Committed:
         for _ in range(LOOKS):
             manifest = self.manifest(unit)
             try:
-                return reader.read(manifest, table)
+                return reader.read(manifest, table, columns)
             except InputError:
                 self.look_again()
                 if unit not in self or self.manifest(unit).parts == manifest.parts:
@@ -169,7 +169,7 @@ def _blocks(
 
 
 class PartReader:
-    """Reads parts, and keeps the latest file of each table, which units of a block share.
+    """Reads parts, and keeps the latest file of each table and choice of columns: units of a block share one.
 
     Args:
         run: Run folder.
@@ -177,32 +177,31 @@ class PartReader:
 
     def __init__(self, run: str) -> None:
         self._run = run
-        self._latest: dict[str, tuple[str, pa.Table | InputError]] = {}
+        self._latest: dict[tuple[str, tuple[str, ...] | None], tuple[str, pa.Table | InputError]] = {}
 
-    def read(self, manifest: Manifest, table: str) -> pa.Table:
-        """Return one table's rows of a unit, verified; see `manifest.read_part`."""
+    def read(self, manifest: Manifest, table: str, columns: tuple[str, ...] | None = None) -> pa.Table:
+        """Return one table's rows of a unit, verified, with all columns or some; see `manifest.read_part`."""
         spec = table_spec(table)
         if table not in manifest.parts:
-            return spec.arrow_schema().empty_table()
+            return spec.conform(spec.arrow_schema().empty_table(), columns)
         entry = manifest.parts[table]
         uri = storage.join(self._run, *entry.path.split("/"))
-        if entry.file_rows is None:
-            whole = decode_part(spec, storage.read_bytes(uri), uri, entry.sha256)
-        else:
-            whole = self._shared(table, uri, entry.sha256)
-        if whole.num_rows != (entry.rows if entry.file_rows is None else entry.file_rows):
-            expected = f"{entry.file_rows or entry.rows}, as its manifest says"
-            raise InputError(uri, field="rows", expected=expected, found=whole.num_rows)
+        whole = self._file(table, uri, entry.sha256, columns)
+        expected = entry.rows if entry.file_rows is None else entry.file_rows
+        if whole.num_rows != expected:
+            raise InputError(uri, field="rows", expected=f"{expected}, as its manifest says", found=whole.num_rows)
         return whole.slice(entry.first, entry.rows)
 
-    def _shared(self, table: str, uri: str, sha256: str) -> pa.Table:
-        if self._latest.get(table, ("",))[0] != uri:
+    def _file(self, table: str, uri: str, sha256: str, columns: tuple[str, ...] | None) -> pa.Table:
+        key = table, columns
+        if self._latest.get(key, ("",))[0] != uri:
             try:
-                found: pa.Table | InputError = decode_part(table_spec(table), storage.read_bytes(uri), uri, sha256)
+                data = storage.read_bytes(uri)
+                found: pa.Table | InputError = decode_part(table_spec(table), data, uri, sha256, columns)
             except InputError as error:
                 found = error
-            self._latest[table] = (uri, found)
-        latest = self._latest[table][1]
+            self._latest[key] = (uri, found)
+        latest = self._latest[key][1]
         if isinstance(latest, InputError):
             raise latest
         return latest

@@ -3,8 +3,8 @@
 Every error below is a SplatReasonerError:
 
 - InputError: fix the input and start again (exit code 2).
-- RetryError: the same work may succeed later (network, a killed worker); RateLimitError says when, LostReplyError that
-  the work may have been billed.
+- RetryError: the same work may succeed later (network, a killed worker); RateLimitError says when, UnreachableError
+  that nothing was sent, LostReplyError that the work may have been billed.
 - QuestionError: this question cannot be answered; record the reason and go on.
 - StopError: nothing further can succeed (bad key, budget reached, another driver): end the job.
 - StoppedError: someone asked this work to stop; what it has is kept, and it goes on where it ended.
@@ -59,6 +59,10 @@ class RateLimitError(RetryError):
 
     def __str__(self) -> str:
         return str(self.args[0])
+
+
+class UnreachableError(RetryError):
+    """No connection to the endpoint came about: nothing was sent, so nothing was billed."""
 
 
 class LostReplyError(RetryError):

@@ -11,7 +11,7 @@ import hashlib
 import io
 import os
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -57,7 +57,13 @@ def encode_table(table: pa.Table) -> bytes:
     return sink.getvalue()
 
 
-def decode_part(spec: TableSpec[Any], data: bytes, subject: object, sha256: str | None = None) -> pa.Table:
+def decode_part(
+    spec: TableSpec[Any],
+    data: bytes,
+    subject: object,
+    sha256: str | None = None,
+    columns: Sequence[str] | None = None,
+) -> pa.Table:
     """Return the table in a part's bytes, after checking them.
 
     Args:
@@ -65,6 +71,7 @@ def decode_part(spec: TableSpec[Any], data: bytes, subject: object, sha256: str 
         data: The bytes of the file.
         subject: Where they came from, for messages.
         sha256: What they must hash to; None when no manifest says.
+        columns: Columns wanted; None for all.
 
     Raises:
         InputError: The hash, a page checksum, the table's name, its version or a column is wrong.
@@ -76,8 +83,10 @@ def decode_part(spec: TableSpec[Any], data: bytes, subject: object, sha256: str 
         raise InputError(subject, field="sha256", expected=f"{sha256}, as its manifest says", found=found)
     try:
         with pq.ParquetFile(pa.BufferReader(data), page_checksum_verification=True) as file:
-            table = file.read(use_threads=len(data) > THREADS_FROM_BYTES)
-        return spec.conform(table, subject)
+            spec.check(file.schema_arrow, subject)
+            there = None if columns is None else [name for name in columns if name in file.schema_arrow.names]
+            table = file.read(there, use_threads=len(data) > THREADS_FROM_BYTES)
+        return spec.conform(table, columns)
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         raise InputError(subject, expected="a readable Parquet file", found=str(error).splitlines()[0]) from error
 

@@ -35,6 +35,7 @@ from schemas.errors import InputError
 from schemas.manifest_file import Manifest, sealed
 from schemas.plan import PLAN_FILE, PlannedUnit, iter_plan
 from schemas.plan_columns import unit_sizes
+from schemas.table import TableSpec
 from schemas.tables import table_spec
 
 if TYPE_CHECKING:
@@ -153,38 +154,49 @@ class RunFolder:
             if unit in committed:
                 yield committed.manifest(unit)
 
-    def parts(self, table: str) -> Iterator[pa.Table]:
-        """Yield a table's verified rows unit by unit, in plan order."""
+    def parts(self, table: str, columns: tuple[str, ...] | None = None) -> Iterator[pa.Table]:
+        """Yield a table's verified rows unit by unit, in plan order, with all columns or some."""
         committed, reader = Committed.load(self.root), PartReader(self.root)
         for unit in unit_sizes(self.root):
             if unit in committed:
-                yield committed.read(reader, unit, table)
+                yield committed.read(reader, unit, table, columns)
 
 
-def read_table(run: str | Path, name: str) -> pd.DataFrame:
+def read_table(run: str | Path, name: str, columns: Sequence[str] | None = None) -> pd.DataFrame:
     """Return a table of a run: committed rows only, in plan order and, within a question, in the order they arose.
 
     Args:
         run: Run folder.
         name: Table, such as "answers".
+        columns: Columns wanted; None for all.
 
     Raises:
-        InputError: No such run or table, or a part is damaged.
+        InputError: No such run, table or column, or a part is damaged.
     """
-    import pandas as pd
     import pyarrow as pa
 
     spec, folder = table_spec(name), RunFolder(str(run))
     if folder.builds() != (name == BUILDS.name) and name != TIMINGS.name:
         holds = f"{BUILDS.name} and {TIMINGS.name}" if folder.builds() else f"all but {BUILDS.name}"
         raise InputError(run, field="table", expected=f"one of this run's: {holds}", found=name)
-    table = pa.concat_tables([spec.arrow_schema().empty_table(), *folder.parts(name)])
+    unknown = [column for column in columns or () if column not in spec.columns]
+    if unknown:
+        raise InputError(run, field=f"table {name}", expected=f"one of {', '.join(spec.columns)}", found=unknown[0])
+    wanted = None if columns is None else tuple(columns)
+    empty = spec.conform(spec.arrow_schema().empty_table(), wanted)
+    return to_frame(spec, pa.concat_tables([empty, *folder.parts(name, wanted)]))
+
+
+def to_frame(spec: TableSpec[Any], table: pa.Table) -> pd.DataFrame:
+    """Return rows of a table as pandas has them; a whole number that may be missing does not turn into a float."""
+    import pandas as pd
+
     frame = table.to_pandas()
-    # A whole number that may be missing must not turn into a float.
     nullable = {"int32?": pd.Int32Dtype(), "int64?": pd.Int64Dtype()}
-    for column, notation in spec.columns.items():
-        if notation in nullable:
-            frame[column] = pd.array(table.column(column).to_pylist(), dtype=nullable[notation])
+    for column in frame.columns:
+        dtype = nullable.get(spec.columns[column])
+        if dtype is not None:
+            frame[column] = pd.array(table.column(column).to_pylist(), dtype=dtype)
     return frame
 
 

@@ -7,7 +7,7 @@ help must be instant): a scalar name such as "string", "list<...>" of one, and a
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -52,6 +52,9 @@ class TableSpec(Generic[R]):
     """Columns that tell one row from every other in a run."""
     added: Mapping[str, Added] = field(default_factory=dict)
     """Columns that version 1 did not have. Columns are only ever added, so every older part can be read."""
+    work: int | None = None
+    """Version that unit ids depend on: the last that had rows say another thing of the same work. A run goes on under
+    later ones, which only note more of it. None for `version`."""
 
     def __post_init__(self) -> None:
         fields = [field.name for field in dataclasses.fields(self.record)]  # type: ignore[arg-type]
@@ -62,10 +65,17 @@ class TableSpec(Generic[R]):
                 raise ValueError(f"table {self.name}: column {column} cannot have come with version {change.version}")
             if change.default is None and not self.columns[column].endswith("?"):
                 raise ValueError(f"table {self.name}: column {column} needs a default for older rows")
+        if self.work is not None and not 0 < self.work <= self.version:
+            raise ValueError(f"table {self.name}: work is done as of version {self.work}, of {self.version}")
         for column, notation in self.columns.items():
             inner = notation.removesuffix("?").removeprefix("list<").removesuffix(">")
             if inner not in SCALARS:
                 raise ValueError(f"table {self.name}: column {column} has unknown type {notation!r}")
+
+    @property
+    def work_version(self) -> int:
+        """The version that unit ids depend on."""
+        return self.version if self.work is None else self.work
 
     def arrow_schema(self) -> pa.Schema:
         """Return the Arrow schema, with the table's name and version in its metadata."""
@@ -135,25 +145,24 @@ class TableSpec(Generic[R]):
                 found=f"columns {', '.join(schema.names)}",
             )
 
-    def conform(self, table: pa.Table, subject: object) -> pa.Table:
-        """Return a part's rows with today's columns: those it lacks hold what `added` says.
+    def conform(self, table: pa.Table, columns: Sequence[str] | None = None) -> pa.Table:
+        """Return the rows of a part that `check` has passed with today's columns: new ones hold what `added` says.
 
-        Raises:
-            InputError: As `check`.
+        Args:
+            table: The rows.
+            columns: Columns wanted; None for all.
         """
         import pyarrow as pa
 
-        self.check(table.schema, subject)
         schema = self.arrow_schema()
-        if table.num_columns == len(schema):
-            return table.replace_schema_metadata(schema.metadata)
+        fields = [schema.field(name) for name in (schema.names if columns is None else columns)]
         arrays = [
-            table.column(column.name)
-            if column.name in table.column_names
-            else pa.array([self.added[column.name].default] * table.num_rows, column.type)
-            for column in schema
+            table.column(field.name)
+            if field.name in table.column_names
+            else pa.array([self.added[field.name].default] * table.num_rows, field.type)
+            for field in fields
         ]
-        return pa.Table.from_arrays(arrays, schema=schema)
+        return pa.Table.from_arrays(arrays, schema=pa.schema(fields, metadata=schema.metadata))
 
 
 def _arrow_type(notation: str) -> pa.DataType:

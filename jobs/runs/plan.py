@@ -47,7 +47,7 @@ class Basis:
     stages: Mapping[str, int]
     """Version of each stage's code."""
     tables: Mapping[str, int]
-    """Version of each table."""
+    """Version of each table, see `TableSpec.work`."""
 
 
 def basis_of(config: JobConfig) -> Basis:
@@ -62,7 +62,7 @@ def basis_of(config: JobConfig) -> Basis:
         asks=config.models.max_asks,
         prompts=Prompts.load(config.models.prompts).hashes(),
         stages=STAGES,
-        tables={name: spec.version for name, spec in TABLES.items()},
+        tables={name: spec.work_version for name, spec in TABLES.items()},
     )
 
 

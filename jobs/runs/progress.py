@@ -279,6 +279,11 @@ def for_terminal(items: str = "questions", style: Style | None = None) -> Progre
     return JsonLines(items=items) if style is Style.JSON else Lines(items=items)
 
 
+def on_terminal(items: str) -> Progress:
+    """Return a bar where standard error is a terminal; elsewhere nothing is told, for work that nobody collects."""
+    return Bar(items) if sys.stderr.isatty() else Silent()
+
+
 def _failures(items: str, errors: Counter[str]) -> str:
     return f"failed {items}: " + ", ".join(f"{kind} {n}" for kind, n in errors.most_common())
 

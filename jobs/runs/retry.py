@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from jobs.runs.events import EventLog
+from jobs.runs.failures import error_of
 from jobs.runs.lock import RunLock
 from schemas import storage
 from schemas.committed import Committed, PartReader
@@ -127,8 +128,8 @@ def _choose(run: str, status: str, error: str, stage: str) -> Iterator[Chosen]:
             continue
         main = next(name for name in MAIN_TABLES if name in manifest.parts)
         column = item_column(main)
-        rows = reader.read(manifest, main).select([column, "status", "reason"]).to_pylist()
-        ended = {row[column]: str(row["reason"]).partition(":")[0] for row in rows if row["status"] == status}
+        rows = reader.read(manifest, main, (column, "status", "reason")).to_pylist()
+        ended = {row[column]: error_of(row["reason"])[0] for row in rows if row["status"] == status}
         calls = _bad_calls(reader, manifest, ended, status) if stage or status == "unparsed" else {}
         if status == "failed":
             errors.update(ended.values())
@@ -157,8 +158,8 @@ def _bad_calls(
 ) -> dict[str, list[dict[str, Any]]]:
     """Return, for each question that ended badly, its calls that ended the same way."""
     found: dict[str, list[dict[str, Any]]] = {name: [] for name in ended}
-    columns = ["question_id", "stage", "outcome", "key"]
-    for row in reader.read(manifest, "calls").select(columns).to_pylist():
+    columns = ("question_id", "stage", "outcome", "key")
+    for row in reader.read(manifest, "calls", columns).to_pylist():
         wanted = "unparsed" if status == "unparsed" else ended.get(row["question_id"])
         if row["question_id"] in found and row["outcome"] == wanted:
             found[row["question_id"]].append(row)

@@ -1,43 +1,30 @@
 """How far a run is, from its folder alone.
 
-Read are run.json, one column of the plan, the manifests, the diary and, up to `spend.JOURNALS_READ` bytes, the
-journals of model calls; no part is opened. Failures are those the diary tells of questions that stand: what was done
-again since, after a crash, damage or `retry`, is not among them.
+Read are run.json, one column of the plan, the manifests, the diary, the parts that hold failed questions and, up to
+`spend.JOURNALS_READ` bytes, the journals of model calls. Failures are those that stand: of committed rows, and of units
+under way what the diary tells.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from jobs.runs.events import read_events
+from jobs.runs.failures import Ended, FailedRows, Failure, by_error
 from jobs.runs.lock import driver_alive, read_holder
 from jobs.runs.spend import CallTotals, Paid, paid
 from schemas import storage
-from schemas.manifest import all_manifests
+from schemas.committed import Committed
 from schemas.plan_columns import unit_sizes
 from schemas.run_folder import RunFolder, is_build_run
 
 RECENT_S = 600.0
 """Commits this old, counted from the latest, give the recent rate: units end in bursts, and a run changes its pace."""
-
-
-@dataclass(frozen=True, slots=True)
-class Failure:
-    """Questions that failed for one reason."""
-
-    error: str
-    """Class name of the error, what `retry --error` takes."""
-    message: str
-    """What it said."""
-    questions: int
-    """Questions that failed so."""
-    example: str
-    """Id of one of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +44,7 @@ class RunStatus:
     statuses: Mapping[str, int]
     """Committed questions by status: answered, unparsed, failed, skipped."""
     failures: tuple[Failure, ...]
-    """Failed questions by error and message, most frequent first; those of units under way included."""
+    """Failed questions by error, most frequent first; those of units under way included."""
     retries: Mapping[str, int]
     """Tries beyond the first, by error, in all sessions."""
     running: bool
@@ -90,11 +77,6 @@ class RunStatus:
         return self.units_done == self.units
 
     @property
-    def reasons(self) -> dict[str, int]:
-        """Failed questions by "error: message", most frequent first."""
-        return {f"{failure.error}: {failure.message}": failure.questions for failure in self.failures}
-
-    @property
     def minutes_left(self) -> float | None:
         """Minutes the rest takes at the recent rate, or at the session's; None when neither is known."""
         rate = self.recent_per_minute or self.per_minute
@@ -105,8 +87,12 @@ class RunStatus:
         return {**asdict(self), "complete": self.complete, "minutes_left": self.minutes_left}
 
 
-def run_status(run: str) -> RunStatus:
+def run_status(run: str, rows: FailedRows | None = None) -> RunStatus:
     """Return how far a run is.
+
+    Args:
+        run: Run folder, a path or URI.
+        rows: Its failed questions as they were known at an earlier look; None for the first look.
 
     Raises:
         InputError: There is no such run, or its plan or a manifest cannot be read.
@@ -115,22 +101,23 @@ def run_status(run: str) -> RunStatus:
     found = folder.read_run()
     builds = is_build_run(found)
     sizes = unit_sizes(run)
-    done, done_questions, statuses = 0, 0, Counter[str]()
-    for manifest in all_manifests(run):
-        if manifest.unit in sizes:
-            done += 1
-            done_questions += manifest.questions
+    done, statuses = dict[str, int](), Counter[str]()
+    committed = Committed.load(run)
+    for unit in committed.units:
+        if unit in sizes:
+            manifest = committed.manifest(unit)
+            done[unit] = manifest.questions
             statuses.update(manifest.statuses)
     holder, diary = read_holder(run), _Diary()
     diary.read(read_events(run))
     return RunStatus(
         name=str(found.get("name")),
         units=len(sizes),
-        units_done=done,
+        units_done=len(done),
         questions=sum(sizes.values()),
-        questions_done=done_questions,
+        questions_done=sum(done.values()),
         statuses=dict(sorted(statuses.items())),
-        failures=diary.failures(),
+        failures=by_error([*(rows or FailedRows(run)).read(committed, done), *diary.under_way(done)]),
         retries=dict(diary.retries.most_common()),
         running=driver_alive(run),
         driver="" if holder is None else str(holder),
@@ -156,10 +143,8 @@ class _Diary:
     """Commits of the latest session: when, and how many questions."""
     retries: Counter[str] = field(default_factory=Counter)
     calls: CallTotals | None = None
-    standing: dict[str, dict[str, tuple[str, str]]] = field(default_factory=dict)
-    """Error and message by unit and question; unit "" for diaries of before it was noted."""
-    open: set[str] = field(default_factory=set)
-    """Units with failures that are not committed."""
+    failed: dict[str, dict[str, Ended]] = field(default_factory=dict)
+    """Failed questions by unit and id, of units that the latest session has not committed."""
 
     def read(self, events: Iterable[Mapping[str, Any]]) -> None:
         for event in events:
@@ -168,35 +153,26 @@ class _Diary:
             except ValueError:
                 continue  # nobody of ours wrote that line
             kind, unit, self.last = event.get("event"), str(event.get("unit", "")), now
-            if kind == "failed":
-                told = str(event.get("error", "")), str(event.get("message", ""))
-                self.standing.setdefault(unit, {})[str(event.get("question", ""))] = told
-                self.open.add(unit)
+            if kind == "failed" and unit:  # without one it is of an early version, whose rows tell
+                question = str(event.get("question", ""))
+                told = Ended(question, str(event.get("error", "")), str(event.get("message", "")))
+                self.failed.setdefault(unit, {})[question] = told
             elif kind == "retry":
                 self.retries[str(event.get("error", ""))] += 1
             elif kind == "started":
                 self.begun, self.session = now, []
-                for left in self.open - {""}:  # the session before ended with these under way: they are done anew
-                    self.standing.pop(left, None)
-                self.open.clear()
+                self.failed.clear()  # the session before ended with these under way: they are done anew
             elif kind == "committed":
                 self.session.append((now, int(event.get("questions", 0))))
-                self.open.discard(unit)
+                self.failed.pop(unit, None)
                 if isinstance(event.get("calls"), dict):
                     self.calls = (self.calls or CallTotals()) + CallTotals.read(event["calls"])
-            elif kind in ("damaged", "discarded") and unit:  # a scene's damaged index has no unit and undoes nothing
-                self.standing.pop(unit, None)
-                for question in event.get("redone", ()):
-                    self.standing.get("", {}).pop(question, None)
 
-    def failures(self) -> tuple[Failure, ...]:
-        examples: dict[tuple[str, str], str] = {}
-        counts: Counter[tuple[str, str]] = Counter()
-        for questions in self.standing.values():
-            for question, told in questions.items():
-                counts[told] += 1
-                examples.setdefault(told, question)
-        return tuple(Failure(*told, count, examples[told]) for told, count in counts.most_common())
+    def under_way(self, done: Collection[str]) -> Iterator[Ended]:
+        """Yield the failed questions of units that are not committed; a diary in an object store lags behind those."""
+        for unit, failed in self.failed.items():
+            if unit not in done:
+                yield from failed.values()
 
     def quiet_s(self) -> float | None:
         return None if self.last is None else max(0.0, (datetime.now(UTC) - self.last).total_seconds())

@@ -13,15 +13,22 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
-from pydantic import BaseModel, ConfigDict, Field
-
 from pipeline.models.cache import CallCache, GroupedPuts, NewReply, call_key
 from pipeline.models.estimate import Price, TokenEstimate
 from pipeline.models.gate import Gate
-from pipeline.models.messages import ChatClient, ImagePart, Reply, Request, Stage
+from pipeline.models.messages import ChatClient, ImagePart, Message, Reply, Request, Stage, text_of
 from pipeline.models.prompts import Prompts
+from pipeline.models.retry import RetryPolicy, spread_of
 from schemas.calls import CallRow
-from schemas.errors import InputError, LostReplyError, QuestionError, RateLimitError, RetryError, SplatReasonerError
+from schemas.errors import (
+    InputError,
+    LostReplyError,
+    QuestionError,
+    RateLimitError,
+    RetryError,
+    SplatReasonerError,
+    UnreachableError,
+)
 from schemas.questions import Question
 
 T = TypeVar("T")
@@ -47,32 +54,13 @@ class Closing(Protocol):
         ...
 
 
-class RetryPolicy(BaseModel):
-    """How often and how long a call that failed for a passing reason is tried again."""
+@runtime_checkable
+class Adding(Protocol):
+    """A client that adds words of its own to a request."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    max_tries: int = Field(6, ge=1, description="times one request is sent before its error stands")
-    first_wait_s: float = Field(1.0, ge=0, description="wait before the second try, seconds; doubles with each try")
-    max_wait_s: float = Field(60.0, ge=0, description="longest wait of our own choosing, seconds")
-    max_retry_after_s: float = Field(
-        900.0, ge=0, description="longest wait a server may ask for, seconds; beyond it the error stands"
-    )
-
-    def wait_s(self, tries: int, error: RetryError, spread: float) -> float | None:
-        """Return the seconds to wait after `tries` failures, or None when no further try is due.
-
-        Args:
-            tries: Failed sends so far, 1 or more.
-            error: The latest failure; a RateLimitError's own wait is kept to the second.
-            spread: 0 to 1; moves our own waits between three quarters and all of their length, so that callers that
-                failed together do not come back together.
-        """
-        if tries >= self.max_tries:
-            return None
-        if isinstance(error, RateLimitError) and error.retry_after_s is not None:
-            return error.retry_after_s if error.retry_after_s <= self.max_retry_after_s else None
-        return min(self.first_wait_s * 2.0 ** (tries - 1), self.max_wait_s) * (0.75 + 0.25 * spread)
+    def messages_sent(self, request: Request) -> tuple[Message, ...]:
+        """Return the messages as they are sent."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +113,7 @@ class Caller:
         uncached: Stages whose replies are not worth storing, such as those of the symbolic model.
         tolls: By endpoint, what its calls pass before they are sent.
         replay: Whether stored replies are all there is: a call that is not in the cache fails, and nothing is sent.
+        keep_prompts: Whether rows hold the text of their requests.
         sleep: Waits a number of seconds.
         clock: Monotonic seconds, to measure latency.
     """
@@ -140,6 +129,7 @@ class Caller:
         uncached: Collection[Stage] = (),
         tolls: Mapping[str, Toll] | None = None,
         replay: bool = False,
+        keep_prompts: bool = True,
         sleep: Callable[[float], Awaitable[None]] = asyncio.sleep,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
@@ -148,7 +138,7 @@ class Caller:
         self.clients, self.prompts, self.cache, self.max_asks = clients, prompts, cache, max_asks
         self.retry = retry or RetryPolicy()
         self.uncached = frozenset(uncached)
-        self.tolls, self.replay = dict(tolls or {}), replay
+        self.tolls, self.replay, self.keep_prompts = dict(tolls or {}), replay, keep_prompts
         self._sleep, self._clock = sleep, clock
         self._flights: dict[str, _Flight] = {}
         self._puts: GroupedPuts | None = None
@@ -195,6 +185,9 @@ class Caller:
             while True:
                 log.attempt += 1
                 log.key = call_key(client.identity(), request)
+                if self.keep_prompts:
+                    sent_as = client.messages_sent(request) if isinstance(client, Adding) else request.messages
+                    log.prompt = text_of(sent_as)
                 sent = await self._reply(client, request, log)
                 reply = sent.reply
                 value = parse(reply.text)
@@ -254,7 +247,7 @@ class Caller:
                 log.add(type(error).__name__, failed.sent)
                 if not isinstance(error, RetryError):
                     raise error from None
-                wait_s = self.retry.wait_s(tries, error, spread=_spread(log.key, tries))
+                wait_s = self.retry.wait_s(tries, error, spread=spread_of(log.key, tries))
                 if wait_s is None:
                     raise error from None
                 await self._sleep(wait_s)
@@ -293,7 +286,8 @@ class Caller:
             limit = isinstance(failed.error, RateLimitError)
             pause_s = failed.error.retry_after_s if isinstance(failed.error, RateLimitError) else None
             tokens = None if isinstance(failed.error, LostReplyError) else 0
-            toll.gate.leave(ticket, tokens, overloaded=limit, pause_s=pause_s)
+            went = not isinstance(failed.error, UnreachableError)
+            toll.gate.leave(ticket, tokens, overloaded=limit, pause_s=pause_s, sent=went)
             raise
         except BaseException:
             toll.gate.leave(ticket, None)
@@ -355,7 +349,7 @@ class _Log:
         self.question, self.stage, self.subject, self.prompt_sha256 = question, stage, subject, prompt_sha256
         self.endpoint, _, model = client.partition(":")
         self.model = model or client
-        self.attempt, self.key = 0, ""
+        self.attempt, self.key, self.prompt = 0, "", ""
         self.rows: list[CallRow] = []
 
     def add(self, outcome: str, sent: _Sent) -> None:
@@ -379,10 +373,6 @@ class _Log:
                 latency_s=sent.latency_s,
                 usd=sent.usd,
                 cached=sent.cached,
+                prompt=self.prompt,
             )
         )
-
-
-def _spread(key: str, tries: int) -> float:
-    """A number from 0 to 1 fixed by the call, so that no random state is needed and reruns wait alike."""
-    return int(key[(tries * 8) % 56 : (tries * 8) % 56 + 8], 16) / 0xFFFFFFFF

@@ -71,4 +71,5 @@ def make_caller(
         uncached=config.symbolic_stages(),
         tolls=tolls,
         replay=replay,
+        keep_prompts=config.keep_prompts,
     )

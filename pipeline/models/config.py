@@ -8,9 +8,9 @@ from typing import Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from pipeline.models.caller import RetryPolicy
 from pipeline.models.estimate import Price
 from pipeline.models.messages import Stage
+from pipeline.models.retry import RetryPolicy
 
 STAGES: tuple[Stage, ...] = get_args(Stage)
 """Every stage that calls a model."""
@@ -160,6 +160,9 @@ class ModelConfig(BaseModel):
     )
     prompts: Path | None = Field(
         None, description="folder of replacement prompts, files named as in pipeline/models/prompts; null for ours"
+    )
+    keep_prompts: bool = Field(
+        True, description="keep the text of every request in table calls; false where prompts must not be stored"
     )
     max_asks: int = Field(2, ge=1, le=10, description="times a stage is asked before a reply counts as unreadable")
     retry: RetryPolicy = Field(default_factory=RetryPolicy, description="what is done about failures that may pass")

@@ -29,7 +29,7 @@ from PIL import Image
 
 from pipeline.models.config import EndpointConfig, ImageConfig
 from pipeline.models.messages import ImagePart, Message, Reply, Request
-from pipeline.models.reply_schemas import response_format, schema_note
+from pipeline.models.reply_schemas import messages_sent, response_format
 from schemas.errors import (
     InputError,
     LostReplyError,
@@ -38,6 +38,7 @@ from schemas.errors import (
     RetryError,
     SplatReasonerError,
     StopError,
+    UnreachableError,
 )
 
 _UNIT_S = {"h": 3600.0, "m": 60.0, "s": 1.0, "ms": 1e-3, "": 1.0}
@@ -45,6 +46,15 @@ _DURATION = re.compile(r"(\d+(\.\d+)?(h|ms|m|s))*(\d+(\.\d+)?)?")
 
 TEXT_LIMIT = 300
 """Characters of a server's message kept in an error."""
+
+UNSENT = (
+    aiohttp.ClientConnectorError,
+    aiohttp.ConnectionTimeoutError,
+    aiohttp.ClientHttpProxyError,
+    aiohttp.InvalidURL,
+)
+"""What ends a request before its first byte: a name that does not resolve, a refused connection, a handshake that fails
+or takes too long, a proxy that lets nothing through."""
 
 STOP_STATUS = frozenset({401, 402, 403, 404, 405, 407, 410})
 """Bad key, no money, no right, no such model or address: the next request would fail alike."""
@@ -88,11 +98,16 @@ class EndpointClient:
         """Return what changes a reply; timeouts, concurrency and the key's variable do not."""
         return self._identity
 
+    def messages_sent(self, request: Request) -> tuple[Message, ...]:
+        """Return the messages as the endpoint gets them."""
+        return messages_sent(request, self._config.structured)
+
     async def complete(self, request: Request) -> Reply:
         """Send one request and return the reply.
 
         Raises:
             RateLimitError: Status 429, or another that passes with a Retry-After.
+            UnreachableError: No connection came about; nothing was sent.
             LostReplyError: Timeout, deadline, connection lost, a body that is no chat reply.
             RetryError: 5xx and the client errors that pass.
             QuestionError: The request is too long, malformed or refused.
@@ -163,16 +178,13 @@ class EndpointClient:
 
     def _body(self, request: Request) -> dict[str, Any]:
         config = self._config
-        messages, form = request.messages, response_format(request, config.structured)
-        if form is not None:
-            asked = messages[-1]
-            messages = (*messages[:-1], Message(asked.role, (*asked.parts, f"\n\n{schema_note(request)}")))
         body: dict[str, Any] = {
             "model": config.model,
             "messages": [
-                {"role": message.role, "content": _content(message.parts, config.images)} for message in messages
+                {"role": message.role, "content": _content(message.parts, config.images)}
+                for message in self.messages_sent(request)
             ],
-            "response_format": form,
+            "response_format": response_format(request, config.structured),
             "temperature": config.temperature,
             "top_p": config.top_p,
             config.max_tokens_field: config.max_tokens,
@@ -205,15 +217,16 @@ class EndpointClient:
             raise QuestionError(self._clean("refused by the server's content filter"))
         return Reply(text, tokens[0], tokens[1], model)
 
-    def _connection_error(self, error: openai.APIConnectionError) -> LostReplyError:
-        """A hang-up reaches us as a timeout to connect, so only the first cause tells one from the other."""
+    def _connection_error(self, error: openai.APIConnectionError) -> RetryError:
+        """The transport's own error tells one case from another: a hang-up reaches us as a timeout to connect."""
         cause: BaseException = error
-        while cause.__cause__ is not None:
+        while not isinstance(cause, aiohttp.ClientError | OSError) and cause.__cause__ is not None:
             cause = cause.__cause__
-        if not isinstance(cause, TimeoutError):
-            return LostReplyError(self._clean(f"connection failed: {cause}"))
-        connect_s, read_s = self._config.connect_timeout_s, self._config.read_timeout_s
-        return LostReplyError(f"{self.name}: timed out (connect timeout {connect_s:g} s, read timeout {read_s:g} s)")
+        if isinstance(cause, UNSENT):
+            return UnreachableError(self._clean(f"no connection, nothing was sent: {cause}"))
+        if isinstance(cause, TimeoutError):
+            return LostReplyError(f"{self.name}: no reply in time (read timeout {self._config.read_timeout_s:g} s)")
+        return LostReplyError(self._clean(f"connection lost before the whole reply was there: {cause}"))
 
     def _status_error(self, error: openai.APIStatusError, request: Request) -> SplatReasonerError:
         message = _message(error.body) or error.message

@@ -26,6 +26,10 @@ Stage = Literal[
 ask caption, answer_text (from descriptions) and answer_blind (from nothing)."""
 
 
+HASH_SHOWN = 16
+"""Digits of a picture's hash in the text of a request: 64 bits tell a run's pictures apart."""
+
+
 @dataclass(frozen=True, slots=True)
 class Observation:
     """What a view shows besides its colours: the input of the offline `symbolic` model, and of nothing else.
@@ -108,6 +112,20 @@ class Message:
     """Who speaks."""
     parts: tuple[str | ImagePart, ...]
     """Text and images, in the order the model reads them."""
+
+
+def text_of(messages: Sequence[Message]) -> str:
+    """Return messages as a person reads them: a line `=== role ===` before each, `[image HASH]` for a picture.
+
+    The hash is the beginning of `ImagePart.sha256`, so equal texts are equal messages. A message of text alone stands
+    as it is sent; in one with pictures every part begins a line.
+    """
+    return "\n".join(f"=== {message.role} ===\n{_parts_text(message.parts)}" for message in messages)
+
+
+def _parts_text(parts: Sequence[str | ImagePart]) -> str:
+    texts = [part if isinstance(part, str) else f"[image {part.sha256()[:HASH_SHOWN]}]" for part in parts]
+    return ("" if all(isinstance(part, str) for part in parts) else "\n").join(texts)
 
 
 @dataclass(frozen=True, slots=True)

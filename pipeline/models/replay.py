@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from pipeline.models.config import EndpointConfig
-from pipeline.models.messages import Reply, Request
+from pipeline.models.messages import Message, Reply, Request
+from pipeline.models.reply_schemas import messages_sent
 from schemas.errors import StopError
 
 
@@ -29,6 +30,10 @@ class OfflineClient:
     def identity(self) -> Mapping[str, Any]:
         """Return the endpoint's identity."""
         return self._config.identity()
+
+    def messages_sent(self, request: Request) -> tuple[Message, ...]:
+        """Return the messages as the endpoint got them."""
+        return messages_sent(request, self._config.structured)
 
     async def complete(self, request: Request) -> Reply:
         """Send nothing.

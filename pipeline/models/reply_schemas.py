@@ -11,7 +11,7 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pipeline.models.messages import Request
+from pipeline.models.messages import Message, Request
 
 VERSION = 1
 """Raised when a schema or the note changes: it enters the identity of endpoints that use them."""
@@ -75,6 +75,19 @@ def response_format(request: Request, structured: str) -> dict[str, Any] | None:
     if schema is None or structured == "json_object":
         return None if schema is None else {"type": "json_object"}
     return {"type": "json_schema", "json_schema": {"name": request.stage, "strict": True, "schema": schema}}
+
+
+def messages_sent(request: Request, structured: str) -> tuple[Message, ...]:
+    """Return a request's messages as an endpoint gets them: with the note on the reply's form, where it asks for one.
+
+    Args:
+        request: The request.
+        structured: An endpoint's way: none, json_schema or json_object.
+    """
+    if structured == "none" or reply_schema(request) is None:
+        return request.messages
+    *before, asked = request.messages
+    return (*before, Message(asked.role, (*asked.parts, f"\n\n{schema_note(request)}")))
 
 
 def _object(fields: Mapping[str, Any]) -> dict[str, Any]:

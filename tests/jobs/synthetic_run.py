@@ -5,12 +5,14 @@ from __future__ import annotations
 import hashlib
 import io
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from PIL import Image
 
+from pipeline.models.prompts import BUILT_IN
 from schemas.answers import AnswerRow, ArmRow
 from schemas.calls import CallRow, TimingRow
 from schemas.clusterings import ClusteringRow
@@ -43,7 +45,9 @@ def synthetic_rows(questions: int = 60, seed: int = 0) -> dict[str, list[Any]]:
     return found
 
 
-def write_run(folder: Path, questions: int = 60, seed: int = 0, *, committed: int | None = None) -> str:
+def write_run(
+    folder: Path, questions: int = 60, seed: int = 0, *, committed: int | None = None, prompts: bool = True
+) -> str:
     """Write the rows as a run folder, with thumbnails of the first questions, and return its path.
 
     Args:
@@ -51,8 +55,11 @@ def write_run(folder: Path, questions: int = 60, seed: int = 0, *, committed: in
         questions: How many.
         seed: Of everything that varies.
         committed: Units committed of one a scene; None for all.
+        prompts: Whether calls hold the text of their requests.
     """
     rows = synthetic_rows(questions, seed)
+    if not prompts:
+        rows["calls"] = [replace(row, prompt="") for row in rows["calls"]]
     run = RunFolder(str(folder))
     units = []
     for index, scene in enumerate(SCENES):
@@ -215,10 +222,19 @@ def _add_calls(found: dict[str, list[Any]], name: str, scene: str, rng: np.rando
                 latency_s=float(rng.random()) / 10,
                 usd=None,
                 cached=bool(rng.random() < 0.3),
+                prompt=_prompt(stage, name, place),
             )
         )
     for stage, seconds in (("cluster", 0.3), ("render", 0.9), ("view_answer", 0.2), ("answer", 0.05), ("judge", 0.01)):
         found["timings"].append(TimingRow(name, scene, stage, seconds * float(rng.random() + 0.5), 4))
+
+
+def _prompt(stage: str, name: str, place: int) -> str:
+    """Return a prompt of the size and likeness of a real one."""
+    template = (BUILT_IN / f"{'answer_one' if stage == 'answer' else stage}.txt").read_text(encoding="utf-8")
+    image = hashlib.sha256(f"{name}{place}".encode()).hexdigest()[:16]
+    filled = template.partition("=== again")[0].replace("{{images}}", f"Image 0\n[image {image}]")
+    return filled.replace("{{question}}", f"What stands beside the lamp of {name}? {EVIL if place == 0 else ''}")
 
 
 def _picture(path: Path) -> None:

@@ -21,8 +21,10 @@ from jobs.report.plots import WIDTH, Bar, BarGroup, bar_plot
 from jobs.report.questions import labels_of
 from jobs.report.shards import script_of
 from jobs.report.spending import spending_plot
+from jobs.runs.progress import Silent
 from jobs.scoring.scores import Options
 from schemas.errors import InputError
+from schemas.run_folder import read_table
 from tests.jobs.synthetic_run import EVIL, write_run
 
 QUICK = Options(resamples=100)
@@ -64,7 +66,7 @@ def data_of(page: Path, name: str, folder: str = "report") -> Any:
 def records_of(page: Path) -> list[dict[str, Any]]:
     """Return all questions of a page."""
     count = len(list((page.parent / "report").glob("q*.js")))
-    return [record for number in range(count) for record in data_of(page, f"q{number}")]
+    return [record for number in range(count) for record in data_of(page, f"q{number}")["records"]]
 
 
 @pytest.fixture(scope="module")
@@ -84,15 +86,15 @@ def report(path: Path) -> Page:
 
 
 def test_report_hostile_text_makes_no_element(report: Page) -> None:
-    assert len(report.scripts) == 1
-    assert EVIL not in report.scripts[0]
+    assert len(report.scripts) == 2
+    assert [script for script in report.scripts if EVIL in script] == []
     assert not [tag for tag, _ in report.elements if tag in ("img", "iframe", "object", "embed", "link", "base")]
     assert not [name for _, attributes in report.elements for name in attributes if name.startswith("on")]
     assert not [tag for tag, attributes in report.elements if "style" in attributes]
     assert EVIL in report.text, "the run's name is shown as text"
 
 
-def test_report_policy_names_its_script_and_style_by_hash_and_no_address(report: Page, path: Path) -> None:
+def test_report_policy_names_its_scripts_and_style_by_hash_and_no_address(report: Page, path: Path) -> None:
     for _, attributes in report.elements:
         for name in ("src", "action", "data", "poster"):
             assert attributes.get(name) is None
@@ -102,8 +104,8 @@ def test_report_policy_names_its_script_and_style_by_hash_and_no_address(report:
     assert "default-src 'none'" in policy
     assert "http" not in policy
     assert "unsafe" not in policy
-    digest = base64.b64encode(hashlib.sha256(report.scripts[0].encode()).digest()).decode()
-    assert f"script-src 'sha256-{digest}' 'strict-dynamic'" in policy
+    digests = [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in report.scripts]
+    assert " ".join(["script-src", *(f"'sha256-{digest}'" for digest in digests), "'strict-dynamic'"]) in policy
 
 
 def test_report_twice_is_the_same_bytes_and_leaves_no_old_data(run: str, path: Path) -> None:
@@ -132,6 +134,38 @@ def test_report_holds_every_question_with_what_led_to_its_answer(path: Path) -> 
         assert [label for bit, label in enumerate(labels) if row[7] >> bit & 1] == sorted(
             question["labels"], key=labels.index
         )
+
+
+def test_report_holds_every_request_as_it_was_sent_and_each_line_once(run: str, path: Path) -> None:
+    sent = read_table(run, "calls").groupby("question_id", sort=False)["prompt"].apply(list)
+    for number in range(2):
+        shard = data_of(path, f"q{number}")
+        lines = shard["lines"]
+        assert len(set(lines)) == len(lines)
+        for record in shard["records"]:
+            told = ["\n".join(lines[place] for place in call["sent"]) for call in record["calls"]]
+            assert told == sent[record["id"]]
+    assert any(EVIL in text for text in sent["q0000"])
+
+
+def test_report_tells_how_far_writing_is(run: str) -> None:
+    told: list[str] = []
+
+    class Told(Silent):
+        def begin(self, total: int, done: int) -> None:
+            told.append(f"{total} to write")
+
+        def advance(self, error: str) -> None:
+            told.append("one")
+
+        def say(self, text: str) -> None:
+            told.append(text)
+
+        def end(self) -> None:
+            told.append("end")
+
+    write_report(run, options=QUICK, drawing=NOTHING_DRAWN, writing=Told())
+    assert told == ["reading the tables", "computing the scores", "60 to write", *["one"] * 60, "end"]
 
 
 def test_report_names_thumbnails_that_exist_and_no_others(path: Path) -> None:

@@ -14,7 +14,7 @@ from jobs.report.pictures import DrawingBudget
 from jobs.scoring.compare import compare_runs
 from jobs.scoring.scores import Options
 from tests.jobs.browser import Tab, browse, find_browser
-from tests.jobs.synthetic_run import write_run
+from tests.jobs.synthetic_run import EVIL, write_run
 
 pytestmark = pytest.mark.skipif(find_browser() is None, reason="no Chromium on this machine")
 
@@ -22,10 +22,17 @@ QUICK = Options(resamples=100)
 NOTHING_DRAWN = DrawingBudget(questions=0)
 LEAST_CONTRAST = 4.5
 """WCAG 2.1, level AA, for text of any size."""
+MOST_SHIFT = 0.1
+"""Of the layout while a page opens: a good one by the Web Vitals."""
+SHIFT = """new Promise((done) => new PerformanceObserver((list) => done(
+    list.getEntries().filter((one) => !one.hadRecentInput).reduce((sum, one) => sum + one.value, 0)
+)).observe({ type: "layout-shift", buffered: true }) ?? setTimeout(() => done(0), 100))"""
 LISTED = "document.querySelectorAll('#rows li').length"
 OPENED = "document.querySelector('#question .step')"
 
-CONTRAST, NAMELESS = (Path(__file__).with_name(f"{name}.js").read_text() for name in ("contrast", "nameless"))
+CONTRAST, NAMELESS, STRUCTURE = (
+    Path(__file__).with_name(f"{name}.js").read_text() for name in ("contrast", "nameless", "structure")
+)
 """Expressions that are evaluated in the page."""
 
 
@@ -106,9 +113,25 @@ def test_page_question_shows_views_answers_calls_and_prompts_of_hostile_text(pag
         assert await tab.run("document.querySelectorAll('#question b, #question img[src=x]').length") < 40
         await tab.run("document.querySelector('.call summary').click()")
         await tab.until("document.querySelector('.call pre')")
+        request, reply = await tab.run("[...document.querySelectorAll('.call pre')].map((e) => e.textContent)")
+        assert request.startswith("=== system ===\n")
+        assert EVIL in request
+        assert reply == "A sofa. "
         await tab.run("document.querySelector('button.shot').click()")
         await tab.until("document.getElementById('large').open")
         assert "</script><script>" in await tab.run("document.querySelector('#question h2').textContent")
+
+    _quietly(tmp_path, work)
+
+
+def test_page_of_a_run_that_kept_no_requests_says_so(tmp_path: Path) -> None:
+    page = write_report(write_run(tmp_path / "run", 3, prompts=False), options=QUICK, drawing=NOTHING_DRAWN)
+
+    async def work(tab: Tab) -> None:
+        await tab.open(f"file://{page}#q=q0000", OPENED)
+        await tab.run("document.querySelector('.call summary').click()")
+        await tab.until("document.querySelector('.call pre')")
+        assert "This run kept none" in await tab.run("document.querySelector('.call .inside').textContent")
 
     _quietly(tmp_path, work)
 
@@ -134,6 +157,9 @@ def test_page_is_readable_named_and_no_wider_than_the_screen(
                 worst = await tab.run(CONTRAST)
                 assert worst[0] >= LEAST_CONTRAST, (route, worst)
                 assert await tab.run(NAMELESS) == [], route
+                await tab.run("document.querySelectorAll('.call').forEach((call) => (call.open = true))")
+                assert await tab.run(STRUCTURE) == [], route
+                assert await tab.run(SHIFT) < MOST_SHIFT, route
                 wide = await tab.run("document.documentElement.scrollWidth - document.documentElement.clientWidth")
                 assert wide <= 0, route
 

@@ -22,9 +22,9 @@ from pipeline.models.symbolic.perceive import (
     POINTS,
     SEEN_SHARE,
     TRIM,
-    Thing,
-    View,
 )
+from pipeline.models.symbolic.thing import Thing
+from pipeline.models.symbolic.view import View
 from pipeline.scene.color_names import COLOR_NAMES, name_colors
 from tests.models.symbolic_reference_parts import Parts, find_parts, free_edges, hollow, merge_parts
 

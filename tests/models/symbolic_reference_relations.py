@@ -22,7 +22,8 @@ from pipeline.models.symbolic.pairs import (
     STEP_M,
     UNDER_M,
 )
-from pipeline.models.symbolic.perceive import Thing, View
+from pipeline.models.symbolic.thing import Thing
+from pipeline.models.symbolic.view import View
 
 
 def on(view: View, a: int, b: int) -> float:

@@ -11,13 +11,29 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pipeline.models.budget import BudgetConfig
 from pipeline.models.cache import CallCache
-from pipeline.models.caller import Asked, Caller, RetryPolicy, rows_of
-from pipeline.models.messages import Reply, Request
+from pipeline.models.caller import Asked, Caller, Toll, rows_of
+from pipeline.models.estimate import Price, TokenEstimate
+from pipeline.models.gate import Gate
+from pipeline.models.messages import Reply, Request, text_of
 from pipeline.models.prompts import Prompts
 from pipeline.models.replies import parse_index
-from schemas.errors import InputError, QuestionError, RateLimitError, RetryError, StopError
+from pipeline.models.retry import RetryPolicy
+from schemas.calls import CallRow
+from schemas.errors import (
+    InputError,
+    LostReplyError,
+    QuestionError,
+    RateLimitError,
+    RetryError,
+    SplatReasonerError,
+    StopError,
+    UnreachableError,
+)
 from schemas.questions import Question
+from tests.models.simulated_loop import simulate
+from tests.models.test_gate import authority
 
 PROMPTS = Prompts.load()
 QUESTION = Question("q1", "flat", "eqa", "Where is the lamp?")
@@ -92,6 +108,22 @@ def test_ask_readable_reply_is_one_row_with_all_it_cost() -> None:
     assert len(row.key) == 64
 
 
+def test_rows_hold_the_text_of_their_own_request() -> None:
+    client = FakeClient("the first", RetryError("busy"), "0")
+    rows = _ask(_caller(client)).rows
+    first, second = (text_of(client.requests[place].messages) for place in (0, 1))
+    assert [row.prompt for row in rows] == [first, second, second]
+    assert "Where is the lamp?" in first, "filled in"
+    assert second.startswith(first)
+    assert "\n=== assistant ===\nthe first\n=== user ===\n" in second
+
+
+def test_rows_hold_no_text_where_none_is_to_be_kept_and_keys_do_not_depend_on_it() -> None:
+    without, kept = (_ask(_caller(FakeClient("0"), keep_prompts=keep)).rows for keep in (False, True))
+    assert without[0].prompt == ""
+    assert without[0].key == kept[0].key
+
+
 def test_ask_unreadable_reply_is_asked_again_with_another_request() -> None:
     client = FakeClient("the first", "0")
     asked = _ask(_caller(client))
@@ -100,6 +132,25 @@ def test_ask_unreadable_reply_is_asked_again_with_another_request() -> None:
     assert asked.rows[0].key != asked.rows[1].key
     assert [m.role for m in client.requests[1].messages[-2:]] == ["assistant", "user"]
     assert client.requests[1].messages[-2].parts == ("the first",)
+
+
+def test_ask_tries_that_sent_nothing_take_nothing_from_the_budget() -> None:
+    """Without an endpoint, six tries would reach a cap of one call, and the run would end for the wrong reason."""
+
+    async def run(client: FakeClient) -> tuple[CallRow, ...]:
+        gate = Gate(authority(caps=BudgetConfig(calls=1)))
+        toll = Toll(gate, TokenEstimate(0, 10, Price()), None)
+        caller = _caller(client, tolls={"local": toll})
+        try:
+            return (await _asking(caller)).rows
+        except SplatReasonerError as error:
+            return rows_of(error)
+
+    def outcomes(*script: str | Exception) -> list[str]:
+        return [row.outcome for row in simulate(run(FakeClient(*script)))]
+
+    assert outcomes(*[UnreachableError("refused")] * 3, "0") == ["UnreachableError"] * 3 + ["ok"]
+    assert outcomes(LostReplyError("cut"), "0") == ["LostReplyError"], "it may have been billed: the cap is reached"
 
 
 @pytest.mark.parametrize("max_asks", [1, 2, 4])

@@ -8,10 +8,10 @@ from typing import Any, get_args
 import pytest
 from pydantic import BaseModel, ValidationError
 
-from pipeline.models.caller import RetryPolicy
 from pipeline.models.clients import make_caller, make_clients
 from pipeline.models.config import STAGES, EndpointConfig, ImageConfig, ModelConfig
 from pipeline.models.messages import ChatClient, Stage
+from pipeline.models.retry import RetryPolicy
 from schemas.errors import InputError
 
 LOCAL = {"kind": "openai", "base_url": "http://localhost:8000/v1/", "model": "qwen3-vl:8b"}
@@ -96,3 +96,8 @@ def test_repetition_is_part_of_the_identity_only_from_the_second_on() -> None:
     second = first.model_copy(update={"repeat": 1})
     assert "repeat" not in first.identity()  # replies stored before there were repetitions stay valid
     assert second.identity() == first.identity() | {"repeat": 1}
+
+
+@pytest.mark.parametrize("keep", [True, False])
+def test_make_caller_keeps_prompts_as_the_config_says(keep: bool) -> None:
+    assert make_caller(ModelConfig(keep_prompts=keep), None).keep_prompts is keep

@@ -7,10 +7,12 @@ import base64
 import io
 import json
 import pickle
+import re
 import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from email.utils import formatdate
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
@@ -19,10 +21,21 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from pipeline.models.caller import Caller
 from pipeline.models.config import EndpointConfig
 from pipeline.models.endpoint import EndpointClient
 from pipeline.models.messages import ImagePart, Message, Reply, Request
-from schemas.errors import InputError, QuestionError, RateLimitError, RetryError, StopError
+from pipeline.models.prompts import Prompts
+from schemas.errors import (
+    InputError,
+    LostReplyError,
+    QuestionError,
+    RateLimitError,
+    RetryError,
+    StopError,
+    UnreachableError,
+)
+from schemas.questions import Question
 
 KEY = "sk-very-secret-1234"
 TEXT = Request("choice", (Message("system", ("Be brief.",)), Message("user", ("Which?",))))
@@ -128,6 +141,23 @@ def test_complete_sends_parameters_and_leaves_out_what_is_null(server: Server) -
         "reasoning_effort": "low",
     }
     assert set(server.bodies[1]) == {"model", "messages", "max_completion_tokens"}
+
+
+@pytest.mark.parametrize("structured", ["none", "json_object"])
+def test_complete_sends_the_text_that_rows_keep(server: Server, structured: str) -> None:
+    variables = {"question": "Which lamp?", "candidates": ["a", "b"]}
+    server.respond = lambda handler: handler.send(200, completion("0"))
+
+    async def run() -> str:
+        caller = Caller({"choice": _client(server, structured=structured)}, Prompts.load(), None)
+        question = Question("q1", "flat", "eqa", "Which lamp?")
+        asked = await caller.ask("choice", variables, (), int, question=question)
+        await caller.aclose()
+        return asked.rows[0].prompt
+
+    kept = asyncio.run(run())
+    assert kept == "\n".join(f"=== {m['role']} ===\n{m['content']}" for m in server.bodies[0]["messages"])
+    assert ("JSON object" in kept) == (structured != "none")
 
 
 def test_complete_sends_another_seed_in_each_repetition_and_none_where_there_is_none(server: Server) -> None:
@@ -332,16 +362,45 @@ def test_complete_dropped_connection_is_tried_again(server: Server) -> None:
         handler.close_connection = True
 
     server.respond = hang_up
-    with pytest.raises(RetryError, match="connection failed"):
+    with pytest.raises(LostReplyError, match="connection lost"):
         _complete(_client(server))
+    assert len(server.bodies) == 1, "the request arrived, and may be billed"
 
 
-def test_complete_nobody_listens_is_tried_again() -> None:
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        client = _client(f"http://127.0.0.1:{taken.getsockname()[1]}/v1")
-        with pytest.raises(RetryError, match="connection failed"):
+def _refused(stack: ExitStack, server: Server) -> str:
+    taken = stack.enter_context(socket.socket())
+    taken.bind(("127.0.0.1", 0))
+    return f"http://127.0.0.1:{taken.getsockname()[1]}"
+
+
+def _full(stack: ExitStack, server: Server) -> str:
+    """Linux drops what comes when a listener's queue is full: it has room for one more than it says."""
+    listener = stack.enter_context(socket.socket())
+    listener.bind(("127.0.0.1", 0))
+    listener.listen(0)
+    stack.enter_context(socket.create_connection(listener.getsockname()))
+    return f"http://127.0.0.1:{listener.getsockname()[1]}"
+
+
+@pytest.mark.parametrize(
+    ("place", "says"),
+    [
+        (_refused, "Connect call failed"),
+        (_full, "Connection timeout"),
+        (lambda stack, server: "http://no-such-host.invalid", r"no-such-host\.invalid"),
+        (lambda stack, server: f"https://127.0.0.1:{server.server_port}", "SSL|ssl"),
+    ],
+    ids=["refused", "full", "unknown name", "no TLS there"],
+)
+def test_complete_without_a_connection_sends_nothing_and_says_so(
+    server: Server, place: Callable[[ExitStack, Server], str], says: str
+) -> None:
+    with ExitStack() as stack:
+        client = _client(f"{place(stack, server)}/v1", connect_timeout_s=0.5)
+        with pytest.raises(UnreachableError, match="no connection, nothing was sent") as caught:
             _complete(client)
+    assert re.search(says, str(caught.value))
+    assert not server.bodies
 
 
 def test_complete_silent_server_times_out(server: Server) -> None:

@@ -8,7 +8,7 @@ import pickle
 import numpy as np
 import pytest
 
-from pipeline.models.messages import ImagePart, Observation
+from pipeline.models.messages import ImagePart, Message, Observation, text_of
 
 
 def _image() -> ImagePart:
@@ -63,3 +63,13 @@ def test_sha256_is_made_anew_for_an_image_that_was_pickled_or_replaced() -> None
     again.color.flags.writeable = True
     again.color[0, 0] = 9
     assert first not in (again.sha256(), other.sha256())
+
+
+def test_text_of_names_roles_and_stands_for_pictures_by_their_hash() -> None:
+    image = _image()
+    other = dataclasses.replace(image, color=image.color + np.uint8(1))
+    system, user = Message("system", ("Be brief.\n", "Always.")), Message("user", ("Look.", "Image 0", image))
+    said = text_of((system, user))
+    shown = f"[image {image.sha256()[:16]}]"
+    assert said == f"=== system ===\nBe brief.\nAlways.\n=== user ===\nLook.\nImage 0\n{shown}"
+    assert said != text_of((system, Message("user", ("Look.", "Image 0", other))))

@@ -14,7 +14,9 @@ from pipeline.models.messages import ImagePart, Observation
 from pipeline.models.symbolic import relations
 from pipeline.models.symbolic.answer_view import answer_view
 from pipeline.models.symbolic.parse_question import parse_question
-from pipeline.models.symbolic.perceive import Thing, View, perceive
+from pipeline.models.symbolic.perceive import perceive
+from pipeline.models.symbolic.thing import Thing
+from pipeline.models.symbolic.view import View
 from pipeline.scene.color_names import COLOR_NAMES, name_colors
 from pipeline.scene.procedural.vocabulary import VOCABULARY
 from tests.models import symbolic_reference as reference

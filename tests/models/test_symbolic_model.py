@@ -23,8 +23,9 @@ from pipeline.models.replies import (
     parse_yes_no,
 )
 from pipeline.models.symbolic import SymbolicModel
-from pipeline.models.symbolic.perceive import View, perceive
+from pipeline.models.symbolic.perceive import perceive
 from pipeline.models.symbolic.sight import content_key
+from pipeline.models.symbolic.view import View
 from schemas.errors import InputError
 from tests.models.symbolic_painting import HEIGHT, WIDTH, Box, paint, room
 

@@ -11,7 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.models.symbolic.components import BEND, find_parts, jump_limit
-from pipeline.models.symbolic.perceive import CLEAR_SHARE, SEEN_SHARE, Thing, View, perceive
+from pipeline.models.symbolic.perceive import CLEAR_SHARE, SEEN_SHARE, perceive
+from pipeline.models.symbolic.thing import Thing
+from pipeline.models.symbolic.view import View
 from tests.models.symbolic_painting import HEIGHT, WIDTH, Box, paint, room
 
 TRIMMED = 0.08

@@ -7,8 +7,9 @@ from collections.abc import Callable
 import pytest
 
 from pipeline.models.symbolic import relations
-from pipeline.models.symbolic.perceive import View, perceive
+from pipeline.models.symbolic.perceive import perceive
 from pipeline.models.symbolic.sentences import place_of
+from pipeline.models.symbolic.view import View
 from tests.models.symbolic_painting import Box, paint, room
 
 DESK = (

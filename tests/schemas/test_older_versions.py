@@ -101,3 +101,17 @@ def test_column_cannot_come_without_a_default_or_from_the_future() -> None:
         dataclasses.replace(spec, added={"calls_saved": Added(2)})
     with pytest.raises(ValueError, match="cannot have come with version 9"):
         dataclasses.replace(spec, added={"calls_saved": Added(9, 0)})
+
+
+def test_columns_that_a_part_lacks_are_made_also_where_only_some_are_read() -> None:
+    spec = TABLES["calls"]
+    old = {column: spec.columns[column] for column in FIRST_COLUMNS["calls"].split()}
+    table = decode_part(spec, golden("calls", 1, old), "part", columns=("prompt", "stage"))
+    assert table.to_pylist() == [{"prompt": "", "stage": "text"}] * 2
+
+
+def test_work_is_done_as_of_the_table_version_unless_a_later_one_only_notes_more() -> None:
+    assert TABLES["answers"].work_version == TABLES["answers"].version
+    assert (TABLES["calls"].version, TABLES["calls"].work_version) == (3, 2), "runs of version 2 go on"
+    with pytest.raises(ValueError, match="as of version 9, of 3"):
+        dataclasses.replace(TABLES["calls"], work=9)

@@ -42,6 +42,14 @@ def test_missing_whole_number_stays_a_whole_number_column(tmp_path: Path) -> Non
     assert frame["frames"].dtype == "int32"
 
 
+def test_columns_are_those_asked_for_in_that_order(tmp_path: Path) -> None:
+    run = write_run(tmp_path, (0, 2))
+    frame = read_table(run, "arms", ["mark", "question_id"])
+    assert frame.equals(read_table(run, "arms")[["mark", "question_id"]])
+    with pytest.raises(InputError, match=r"table arms: expected one of question_id, .*, found marks"):
+        read_table(run, "arms", ["marks"])
+
+
 def test_table_without_rows_keeps_its_columns(tmp_path: Path) -> None:
     frame = read_table(write_run(tmp_path, (0,)), "regions")
     assert len(frame) == 0

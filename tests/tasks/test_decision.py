@@ -257,8 +257,9 @@ def test_a_refused_call_fails_the_question_and_keeps_the_calls_made(stage: str) 
 
 @pytest.mark.parametrize("error", [RetryError("timeout"), StopError("bad key")])
 def test_errors_that_are_not_the_questions_own_go_on(error: Exception) -> None:
-    from pipeline.models.caller import Caller, RetryPolicy
+    from pipeline.models.caller import Caller
     from pipeline.models.prompts import Prompts
+    from pipeline.models.retry import RetryPolicy
     from tests.query.tiny import STAGES
 
     client = Failing("choice", error)

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from pipeline.models.symbolic.answer import UNKNOWN, Answer, elsewhere, stated, verdict
+from pipeline.models.symbolic.answer import UNKNOWN, Answer
+from pipeline.models.symbolic.answering import elsewhere, stated, verdict
 from pipeline.models.symbolic.certainty import Certainty
 from pipeline.models.symbolic.knowledge import ROOM_SIGNS, STRUCTURE
 from pipeline.models.symbolic.lexicon import canonical
-from pipeline.models.symbolic.perceive import View
 from pipeline.models.symbolic.phrases import Phrase, Query
 from pipeline.models.symbolic.resolve import SURE, Match, resolve, room_of, room_signs
 from pipeline.models.symbolic.sentences import be, hedged, place_of, spaced
 from pipeline.models.symbolic.uses import purpose_of, useful_names
+from pipeline.models.symbolic.view import View
 
 SIGNS_NEEDED = 2
 """Kinds of things that must point to a room to be sure of it."""

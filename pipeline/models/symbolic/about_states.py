@@ -7,15 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.models.symbolic.about_things import exists
-from pipeline.models.symbolic.answer import UNKNOWN, Answer, stated, verdict
+from pipeline.models.symbolic.answer import UNKNOWN, Answer
+from pipeline.models.symbolic.answering import stated, verdict
 from pipeline.models.symbolic.knowledge import MATERIALS
 from pipeline.models.symbolic.lexicon import NEAR_COLORS
-from pipeline.models.symbolic.perceive import View
 from pipeline.models.symbolic.phrases import Phrase, Query
 from pipeline.models.symbolic.relations import DEGREES, gap_m
 from pipeline.models.symbolic.resolve import SURE, Match, extent, resolve
 from pipeline.models.symbolic.sentences import be, link_words, named, place_of
 from pipeline.models.symbolic.states import state_of
+from pipeline.models.symbolic.view import View
 
 HOLDS = 0.6
 """Fit from which what is said of a thing holds."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from pipeline.models.symbolic.answer import UNKNOWN, Answer, elsewhere, stated, unseen, verdict
-from pipeline.models.symbolic.perceive import View
+from pipeline.models.symbolic.answer import UNKNOWN, Answer
+from pipeline.models.symbolic.answering import elsewhere, stated, unseen, verdict
 from pipeline.models.symbolic.phrases import Link, Phrase, Query
 from pipeline.models.symbolic.relations import gap_m
 from pipeline.models.symbolic.resolve import SURE, Match, resolve
@@ -20,6 +20,7 @@ from pipeline.models.symbolic.sentences import (
     spaced,
     with_article,
 )
+from pipeline.models.symbolic.view import View
 from pipeline.models.symbolic.words import number, number_word, singular
 
 SEVERAL = frozenset({"on", "in", "under"})

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 from pipeline.models.symbolic import about_places, about_states, about_things
 from pipeline.models.symbolic.answer import UNKNOWN, Answer
-from pipeline.models.symbolic.perceive import View
 from pipeline.models.symbolic.phrases import Kind, Query
+from pipeline.models.symbolic.view import View
 
 
 def answer_view(query: Query, view: View) -> Answer:

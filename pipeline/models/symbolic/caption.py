@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pipeline.models.symbolic.knowledge import BUILDING
-from pipeline.models.symbolic.perceive import Thing, View
 from pipeline.models.symbolic.resolve import prominence, room_of
 from pipeline.models.symbolic.sentences import ALWAYS_PLURAL, listed, place_of, with_article
 from pipeline.models.symbolic.states import state_of
+from pipeline.models.symbolic.thing import Thing
+from pipeline.models.symbolic.view import View
 
 SHOWS_NOTHING = "The picture shows nothing that can be made out."
 MOST_THINGS = 12

@@ -8,10 +8,10 @@ from pipeline.models.symbolic.about_states import clearly, measure_option
 from pipeline.models.symbolic.answer import Answer
 from pipeline.models.symbolic.answer_view import answer_view
 from pipeline.models.symbolic.certainty import Certainty, certainty_of
-from pipeline.models.symbolic.perceive import View
 from pipeline.models.symbolic.phrases import Query
 from pipeline.models.symbolic.resolve import candidates, prominence, resolve, room_of
 from pipeline.models.symbolic.sentences import hedged, named, plural
+from pipeline.models.symbolic.view import View
 from pipeline.models.symbolic.words import number_word, singular
 
 FITS = 0.55

@@ -20,9 +20,9 @@ from pipeline.models.symbolic.evidence import rank_evidence
 from pipeline.models.symbolic.from_text import answer_from_text
 from pipeline.models.symbolic.judge import judge
 from pipeline.models.symbolic.parse_question import parse_question
-from pipeline.models.symbolic.perceive import View
 from pipeline.models.symbolic.phrases import Query
 from pipeline.models.symbolic.sight import Sight
+from pipeline.models.symbolic.view import View
 from schemas.errors import InputError
 
 RULES = "2"

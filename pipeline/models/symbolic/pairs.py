@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from pipeline.models.symbolic.knowledge import CONTAINERS, FLOOR_STANDING, GROUND, STRUCTURE, UPRIGHT
-
-if TYPE_CHECKING:
-    from pipeline.models.symbolic.perceive import Thing
+from pipeline.models.symbolic.thing import Thing
 
 REST_M = 0.12
 """A thing rests on what lies at most this far below its lowest visible point: feet and edges are often hidden."""

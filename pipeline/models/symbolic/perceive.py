@@ -1,17 +1,11 @@
-"""What a weak observer makes out in one view: things with a name, a colour, a place and a size.
-
-Positions are metres in axes at the camera, aligned with gravity: right, up, forward. Only visible surfaces count:
-a box is the box of what is seen, never of the whole object.
-"""
+"""What a weak observer makes out in one view: from pixels, categories and depth to `Thing`s and how they touch."""
 
 from __future__ import annotations
 
 import math
-from collections import deque
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Int64, UInt8
@@ -21,13 +15,10 @@ from pipeline.models.symbolic.components import JUMP_M, JUMP_PER_M, Parts, find_
 from pipeline.models.symbolic.knowledge import DOORS, LIGHTS, OPENING, STRUCTURE
 from pipeline.models.symbolic.lexicon import canonical
 from pipeline.models.symbolic.merge import merge_parts
-from pipeline.models.symbolic.pairs import Pairs
 from pipeline.models.symbolic.shapes import free_edges, hollow
+from pipeline.models.symbolic.thing import Thing
+from pipeline.models.symbolic.view import View
 from pipeline.scene.color_names import COLOR_NAMES
-
-if TYPE_CHECKING:
-    from pipeline.models.symbolic.answer import Answer
-    from pipeline.models.symbolic.phrases import Query
 
 PATCH_SHARE = 1 / 24**2
 """Share of the image in one patch of a vision transformer at 336 px (14 px patches): the unit of what it can see."""
@@ -47,92 +38,10 @@ GLARE = 0.96
 """Brightness from which on a light shines rather than being lit."""
 MATTE_SHARE = 0.1
 """Share of a light that must not shine for its colour to be read there."""
-ANSWERS = 4
-"""Answers kept with a view: those of the questions in flight."""
 MAX_PIXELS = 320 * 240
 """Larger views are read at a whole-number stride: the patches above do not need more."""
 LEVEL_VIEW = 0.1
 """Sine of the angle between view and vertical below which "forward" is read off the image's up direction."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Thing:
-    """One thing seen in a view."""
-
-    name: str
-    """Category name."""
-    kind: str
-    """Its canonical name, by which one knows what such things are like."""
-    share: float
-    """Share of the image it covers, 0 to 1."""
-    center: tuple[float, float]
-    """Centre of its outline's box: column and row as shares of width and height."""
-    cut: bool
-    """The image border cuts it."""
-    clear: bool
-    """Large and whole enough to be certain of its name."""
-    color: str
-    """Name most of its pixels carry."""
-    second_color: str
-    """Next most frequent name where it is common too, else empty."""
-    bright: float
-    """Mean brightness, 0 to 1."""
-    peak: float
-    """Brightness that only its brightest 2 % exceed."""
-    low: Float[np.ndarray, "3"]
-    """Lower corner of its visible box: right, up, forward, metres."""
-    high: Float[np.ndarray, "3"]
-    """Upper corner."""
-    points: Float[np.ndarray, "K 3"]
-    """Some of its visible points, spread evenly, in the same axes."""
-    distance: float
-    """Median distance from the camera, metres."""
-    free_edges: tuple[float, ...] = ()
-    """Of a door: see `shapes.free_edges`; empty for other things."""
-    hollow: float = 0.0
-    """Of a thing that opens: see `shapes.hollow`; 0 for other things."""
-
-    @property
-    def middle(self) -> Float[np.ndarray, "3"]:
-        """Centre of the visible box."""
-        return 0.5 * (self.low + self.high)
-
-    @property
-    def size(self) -> Float[np.ndarray, "3"]:
-        """Sides of the visible box: right, up, forward."""
-        return self.high - self.low
-
-
-@dataclass(frozen=True, slots=True)
-class View:
-    """All that is seen in one view."""
-
-    things: tuple[Thing, ...]
-    """Recognised things, largest first; walls, floor and ceiling are among them."""
-    contacts: Mapping[tuple[int, int], float] = field(default_factory=dict)
-    """(upper, lower) indices of things that touch, upper one over the lower in the image: share of the upper one's
-    lower outline."""
-    covers: Mapping[tuple[int, int], float] = field(default_factory=dict)
-    """(front, back) indices of things of which one covers part of the other: share of the outline of the one behind."""
-    _pairs: list[Pairs] = field(default_factory=list, init=False, compare=False, repr=False)
-    """How the things stand to each other, once that was asked."""
-    answers: deque[tuple[Query, Answer]] = field(
-        default_factory=lambda: deque(maxlen=ANSWERS), compare=False, repr=False
-    )
-    """Latest answers, see `answer_view`: stages that compare views ask what was asked of each alone."""
-    captions: dict[str, str] = field(default_factory=dict, compare=False, repr=False)
-    """Descriptions that were given, of the view ("") or of a named object."""
-
-    @property
-    def pairs(self) -> Pairs:
-        """How the things stand to each other, kept: questions ask for the same again."""
-        if not self._pairs:
-            self._pairs.append(Pairs(self.things, self.contacts))
-        return self._pairs[0]
-
-    def named(self, names: frozenset[str]) -> list[int]:
-        """Return the indices of things that carry one of the names, largest first."""
-        return [index for index, thing in enumerate(self.things) if thing.name in names]
 
 
 def perceive(image: ImagePart) -> View:

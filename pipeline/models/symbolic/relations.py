@@ -13,7 +13,7 @@ import numpy as np
 
 from pipeline.models.symbolic.knowledge import STRUCTURE
 from pipeline.models.symbolic.pairs import NEAR_M, NEXT_TO_M, STEP_M
-from pipeline.models.symbolic.perceive import View
+from pipeline.models.symbolic.view import View
 
 SIDE_M = 2.5
 """Something farther than this to the side is no longer said to be left or right of it."""

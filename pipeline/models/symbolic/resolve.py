@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 from pipeline.models.symbolic.knowledge import ROOM_SIGNS, STRUCTURE, WEAK_SIGNS
 from pipeline.models.symbolic.lexicon import NEAR_COLORS
-from pipeline.models.symbolic.perceive import Thing, View
 from pipeline.models.symbolic.phrases import Link, Phrase
 from pipeline.models.symbolic.relations import DEGREES, between, gap_m, gaps_m
 from pipeline.models.symbolic.states import state_of
+from pipeline.models.symbolic.thing import Thing
+from pipeline.models.symbolic.view import View
 
 SURE = 0.75
 """A fit from here on is stated without a hedge."""

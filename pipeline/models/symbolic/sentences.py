@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from pipeline.models.symbolic.knowledge import BUILDING, GROUND, UPRIGHT
 from pipeline.models.symbolic.pairs import NEXT_TO_M
-from pipeline.models.symbolic.perceive import View
 from pipeline.models.symbolic.phrases import Phrase
 from pipeline.models.symbolic.relations import gaps_m, next_to
+from pipeline.models.symbolic.view import View
 from pipeline.models.symbolic.words import singular
 
 SPOKEN = {"left": "to the left of", "right": "to the right of", "nearest": "nearest to", "farthest": "farthest from"}

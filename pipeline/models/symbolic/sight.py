@@ -6,7 +6,8 @@ from collections import OrderedDict
 from collections.abc import Hashable
 
 from pipeline.models.messages import ImagePart
-from pipeline.models.symbolic.perceive import View, perceive
+from pipeline.models.symbolic.perceive import perceive
+from pipeline.models.symbolic.view import View
 
 
 class Sight:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pipeline.models.symbolic.knowledge import CASES, CURTAINS, DOORS, LIGHTS, SCREENS, STRUCTURE, VESSELS
-from pipeline.models.symbolic.perceive import View
 from pipeline.models.symbolic.relations import gap_m, inside, on
+from pipeline.models.symbolic.view import View
 
 GLOWS = 0.98
 """A light whose brightest part reaches this is on: a lamp overexposes, white paint in a lit room does not."""

@@ -273,3 +273,11 @@ def test_question_file_that_changes_while_it_is_planned_is_refused(make_scene: M
     file.write_text("x" + file.read_text())
     with pytest.raises(InputError, match=r"questions.jsonl byte 0: expected a JSON object"):
         next(units)
+
+
+def test_a_table_version_that_only_notes_more_changes_no_unit(make_scene: MakeScene, make_job: MakeJob) -> None:
+    """A run that was planned before rows of calls held the text of requests is gone on with."""
+    make_scene("a", ["q"] * 2)
+    assert basis_of(make_job()).tables["calls"] == 2
+    kept, dropped = (make_job(models={"keep_prompts": keep}) for keep in (True, False))
+    assert ids(kept) == ids(dropped)

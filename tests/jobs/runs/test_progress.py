@@ -6,7 +6,17 @@ from typing import Any
 
 import pytest
 
-from jobs.runs.progress import LINE_S, Bar, JsonLines, Lines, Style, for_terminal, progress_style
+from jobs.runs.progress import (
+    LINE_S,
+    Bar,
+    JsonLines,
+    Lines,
+    Silent,
+    Style,
+    for_terminal,
+    on_terminal,
+    progress_style,
+)
 from jobs.runs.spend import CallTotals
 from schemas.errors import InputError
 
@@ -99,3 +109,9 @@ def test_style_of_flags_that_contradict_each_other_is_refused() -> None:
 def test_json_lines_that_never_began_do_not_end(capsys: pytest.CaptureFixture[str]) -> None:
     JsonLines().end()
     assert capsys.readouterr().err == ""
+
+
+def test_off_a_terminal_work_that_nobody_collects_is_silent(monkeypatch: pytest.MonkeyPatch) -> None:
+    for terminal, kind in ((True, Bar), (False, Silent)):
+        monkeypatch.setattr(sys.stderr, "isatty", lambda found=terminal: found)
+        assert type(on_terminal("questions written")) is kind

@@ -9,8 +9,10 @@ from typing import Any
 
 import pytest
 
+from jobs.runs.failures import UNREADABLE, FailedRows
 from jobs.runs.status import RECENT_S, run_status
 from schemas.errors import InputError
+from schemas.run_folder import read_table
 from tests.jobs.synthetic_run import write_run
 
 BEGUN = datetime(2026, 1, 1, tzinfo=UTC)
@@ -59,30 +61,45 @@ def test_rate_of_the_latest_session_and_of_the_last_minutes(tmp_path: Path) -> N
     assert found.minutes_left == pytest.approx(20 / 30)
 
 
-def test_failures_are_those_that_stand(tmp_path: Path) -> None:
-    run = write_run(tmp_path)
+def test_failures_are_told_by_the_rows_of_committed_units_and_by_the_diary_of_those_under_way(tmp_path: Path) -> None:
+    run = write_run(tmp_path, committed=2)
+    rows = read_table(run, "answers").query("status == 'failed'")["question_id"].tolist()
     diary(
         run,
         (0.0, "started", {}),
-        failed(UNITS[0], "q0"),
-        failed(UNITS[0], "q3"),
+        failed(UNITS[0], rows[0], "an error that its row no longer has"),
         (2.0, "committed", {"unit": UNITS[0], "questions": 20}),
-        failed(UNITS[1], "q1"),  # its unit is not committed when the driver dies
+        failed(UNITS[2], "q9999"),  # its unit is not committed when the driver dies
         (9.0, "started", {}),
-        failed(UNITS[1], "q4"),
-        (10.0, "committed", {"unit": UNITS[1], "questions": 20}),
-        failed(UNITS[2], "q2", "another"),
+        failed(UNITS[1], "q9998"),  # an object store's diary lags: the unit is committed
+        failed(UNITS[2], "q0002", "another"),
+        failed(UNITS[2], "q0008", "one more"),
+        failed(UNITS[2], "q0011", "one more"),
     )
-    found = run_status(run)
-    assert [(f.message, f.questions) for f in found.failures] == [("refused", 3), ("another", 1)]
-    assert found.failures[0].example == "q0"
-    assert found.reasons == {"QuestionError: refused": 3, "QuestionError: another": 1}
-    with Path(run, "events.jsonl").open("a") as stream:
-        stream.write(
-            json.dumps({"time": BEGUN.isoformat(), "event": "discarded", "unit": UNITS[0], "redone": []}) + "\n"
-        )
-        stream.write(json.dumps({"time": BEGUN.isoformat(), "event": "damaged", "scene": "flat 1"}) + "\n")
-    assert run_status(run).reasons == {"QuestionError: refused": 1, "QuestionError: another": 1}
+    (found,) = run_status(run).failures
+    assert (found.error, found.questions) == ("QuestionError", len(rows) + 3)
+    assert (found.message, found.example) == ("refused", rows[0]) if len(rows) > 2 else ("one more", "q0008")
+
+
+def test_failures_of_rows_that_cannot_be_read_are_counted_and_say_why(tmp_path: Path) -> None:
+    run = write_run(tmp_path)
+    count = len(read_table(run, "answers").query("status == 'failed'"))
+    part = next(Path(run, "answers").glob(f"{UNITS[0]}*"))
+    part.write_bytes(part.read_bytes()[:-9])
+    good, bad = run_status(run).failures
+    assert (good.error, bad.error) == ("QuestionError", UNREADABLE)
+    assert good.questions + bad.questions == count
+    assert part.name in bad.message
+
+
+def test_a_later_look_opens_only_what_is_new(tmp_path: Path) -> None:
+    run = write_run(tmp_path, committed=2)
+    rows = FailedRows(run)
+    before = run_status(run, rows).failures
+    for part in Path(run, "answers").iterdir():
+        part.unlink()
+    assert run_status(run, rows).failures == before
+    assert run_status(run).failures != before
 
 
 def test_calls_and_retries_are_summed_over_sessions(tmp_path: Path) -> None:
