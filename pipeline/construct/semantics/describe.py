@@ -169,7 +169,7 @@ def embed_names(
         texts: Further names and phrases the scene shall know.
 
     Raises:
-        InputError: A package of the `names` extra is missing.
+        InputError: A package of the `models` extra is missing.
     """
     from pipeline.construct.semantics.labels_2d.minilm import MiniLm
 

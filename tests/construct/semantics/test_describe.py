@@ -53,7 +53,7 @@ def test_label_images_give_categories(scene: Scene, tmp_path: Path) -> None:
     assert found.warnings == (f"categories by label images {{frame}}.label.png: {seen.sum()} of {len(seen)} Gaussians",)
 
 
-@pytest.mark.skipif(not MINILM, reason="the names extra is not installed")
+@pytest.mark.skipif(not MINILM, reason="the models extra is not installed")
 def test_names_that_mean_the_same_find_the_category(scene: Scene, tmp_path: Path) -> None:
     config = SemanticsConfig(source=labelled(scene, tmp_path), names="minilm", texts=("armchair",))
     found = describe(scene.gaussians, rendered_frames(scene.gaussians, scene.views), config)

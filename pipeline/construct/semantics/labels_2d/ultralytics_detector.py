@@ -1,88 +1,78 @@
 """YOLO models through the ultralytics package, which users install themselves: its licence is AGPL-3.0.
 
-Detection and segmentation weights both work; masks are used where the model has them. YOLO-World weights take the
-names they are to look for (3D-Mem detects with YOLOv8x-World).
+Detection and segmentation weights both work; masks are used where the model has them. YOLO-World and YOLOE weights take
+the names they are to look for (3D-Mem detects with YOLOv8x-World).
 """
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import UInt8
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-from pipeline.construct.semantics.labels_2d.boxes import Detection, labels_of
-from pipeline.construct.semantics.labels_2d.source import FrameLabels
+from pipeline.construct.semantics.labels_2d.detector import Detector, DetectorConfig, Found
 from pipeline.construct.semantics.labels_2d.torch_models import require
-from pipeline.scene.captures import Frame
 from schemas.errors import InputError
 
 EXTRA = "pip install ultralytics; its licence is AGPL-3.0"
+QUIET = {"ULTRALYTICS_SAFE_LOAD": "true", "YOLO_AUTOINSTALL": "false", "YOLO_OFFLINE": "true"}
+"""Set before the package is imported, unless the user has: weights are pickles, which it would else run whole, install
+what they ask for, and report its use to its makers."""
 
 
-class UltralyticsConfig(BaseModel):
+class UltralyticsConfig(DetectorConfig):
     """The weights and thresholds."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     kind: Literal["ultralytics"] = "ultralytics"
     weights: str = Field(description="Local file of weights.")
-    names: tuple[str, ...] = Field(default=(), description="Names to look for (YOLO-World); empty keeps the model's.")
-    device: str = Field(default="cpu", description="Torch device.")
-    least_confidence: float = Field(default=0.4, gt=0, le=1, description="Detections under this are dropped.")
-    ignore: tuple[str, ...] = Field(default=("person",), description="Names left out.")
-    depth: bool = Field(default=True, description="Keep of each box what depth tells is the thing in its middle.")
-    silence: float = Field(
-        default=0.25, ge=0, le=1, description="Weight of a pixel outside all boxes as a vote for no label."
+    names: tuple[str, ...] = Field(
+        default=(), description="Names to look for (YOLO-World, YOLOE); empty keeps the model's."
     )
+    device: str = Field(default="cpu", description="Torch device.")
 
     def open(self, scene: str = "") -> UltralyticsDetector:
         """Return the detector, loaded; the scene's name is not needed.
 
         Raises:
-            InputError: The package is missing, or the weights are.
+            InputError: The package is missing, the weights are, or they take no names.
         """
         return UltralyticsDetector(self)
 
 
-class UltralyticsDetector:
+class UltralyticsDetector(Detector):
     """Asks a YOLO model what photographs show."""
 
     def __init__(self, config: UltralyticsConfig) -> None:
         if not Path(config.weights).is_file():  # else the package downloads what it thinks was meant
             raise InputError(config.weights, expected="a local file of weights", found="none")
-        self.config = config
-        self._model: Any = require("ultralytics", EXTRA).YOLO(config.weights)
-        if config.names:
-            self._model.set_classes(list(config.names))
-        self._names = {int(key): str(name) for key, name in self._model.names.items()}
-        self.vocabulary = tuple(dict.fromkeys(name for name in self._names.values() if name not in config.ignore))
-        self.silence = config.silence
-        self.description = f"ultralytics {Path(config.weights).name}, confidence >= {config.least_confidence:g}"
+        for name, value in QUIET.items():
+            os.environ.setdefault(name, value)
+        library = require("ultralytics", EXTRA)
+        try:
+            self._model: Any = library.YOLO(config.weights)
+            if config.names:
+                self._model.set_classes(list(config.names))
+            self._names: dict[int, str] = dict(self._model.names)
+        except (OSError, RuntimeError, TypeError, ValueError, AttributeError, AssertionError, ImportError) as error:
+            first = (str(error).strip().splitlines() or [type(error).__name__])[0]
+            expected = "weights that ultralytics loads" + (" and that take names" if config.names else "")
+            raise InputError(config.weights, expected=expected, found=first) from error
+        self._device = config.device
+        super().__init__(config, self._names.values(), f"ultralytics {Path(config.weights).name}")
 
-    def detect(self, image: UInt8[np.ndarray, "H W 3"]) -> list[Detection]:
-        """Return what is found in sRGB pixels."""
+    def find(self, image: UInt8[np.ndarray, "H W 3"]) -> Iterator[Found]:
+        """Return what the model sees in sRGB pixels."""
         bgr = np.ascontiguousarray(image[..., ::-1])  # the package takes arrays as OpenCV has them
         result = self._model.predict(
-            bgr, conf=self.config.least_confidence, device=self.config.device, retina_masks=True, verbose=False
+            bgr, conf=self._config.least_confidence, device=self._device, retina_masks=True, verbose=False
         )[0]
         masks = None if result.masks is None else result.masks.data.cpu().numpy() > 0.5
-        found = []
-        for row in range(len(result.boxes)):
-            name = self._names[int(result.boxes.cls[row])]
-            if name in self.vocabulary:
-                left, top, right, bottom = (float(edge) for edge in result.boxes.xyxy[row])
-                sure = min(1.0, float(result.boxes.conf[row]))
-                mask = None if masks is None else masks[row]
-                found.append(Detection(self.vocabulary.index(name), sure, (left, top, right, bottom), mask))
-        return found
-
-    def labels(self, frame: Frame) -> FrameLabels:
-        """Return the labels of a frame, from its photograph, and its depth where the model has no masks.
-
-        Raises:
-            InputError: The frame has no photograph.
-        """
-        return labels_of(frame, self.detect(frame.read_image()), depth=self.config.depth)
+        columns = (column.tolist() for column in (result.boxes.cls, result.boxes.conf, result.boxes.xyxy))
+        for row, (label, sure, (left, top, right, bottom)) in enumerate(zip(*columns, strict=True)):
+            mask = None if masks is None else masks[row]
+            yield Found(self._names[int(label)], sure, (left, top, right, bottom), mask)

