@@ -2,14 +2,16 @@
 
     python -m benchmarks.registration [--scene apartment|scannet] [--views 60] [--contributors 1 5 20 45]
     python -m benchmarks.registration --scene apartment --noise 0.2     # a fifth of all instances misnamed per view
+    python -m benchmarks.registration --scene scannet --features 512    # a feature a mask in place of a label
     python -m benchmarks.registration --detector DIR [--image DIR]      # a real detector on a scene's rendered views
 
 Truth is the category of every Gaussian. Label images are painted from it, the label that weighs most in each pixel, so
 that what is lost is lost by registration: by mixing at edges, by surfaces no view shows. IoU counts Gaussians, those
 without a label in the truth left out; a Gaussian that stays unlabelled counts against its category. No view shows the
 inside of a cupboard, so IoU is given, too, over the visible Gaussians, those that dominate a pixel of some view: what
-registration can know. Times are CPU seconds of the process for the registration alone; memory is the peak of the
-process (VmHWM) above what it held before.
+registration can know. With `--features` each instance in a view is a mask whose feature is that of its category, a
+random direction, and noise as long; a Gaussian is right whose feature is nearest to that of its category. Times are CPU
+seconds of the process for the registration alone; memory is the peak of the process (VmHWM) above what it held before.
 """
 
 from __future__ import annotations
@@ -25,10 +27,11 @@ from PIL import Image
 
 from benchmarks.apartments import ROOT
 from pipeline.construct import build_scannet_mesh
-from pipeline.construct.semantics.labels_2d import FrameLabels
+from pipeline.construct.semantics.labels_2d import FrameFeatures, FrameLabels
 from pipeline.construct.semantics.labels_2d.scene_frames import rendered_frames
 from pipeline.construct.semantics.labels_2d.ssd_mobilenet import SsdMobilenetConfig
-from pipeline.construct.semantics.register import Registered, RegistrationConfig, register_labels
+from pipeline.construct.semantics.quantise import decode, encode, learn_codebooks
+from pipeline.construct.semantics.register import Registered, RegistrationConfig, register_features, register_labels
 from pipeline.render import color_image, label_image, prepare, render, visible_ids
 from pipeline.scene import Scene
 from pipeline.scene.captures import Frame
@@ -66,6 +69,30 @@ class PaintedLabels:
         return self._images[frame.name]
 
 
+class PaintedFeatures:
+    """A feature for each instance in a view: its category's direction and noise of the same length."""
+
+    description = "painted from the truth"
+
+    def __init__(self, scene: Scene, labels: PaintedLabels, dimension: int, rng: np.random.Generator) -> None:
+        self.dimension, self._labels, self._rng = dimension, labels, rng
+        self.directions = self._random(len(scene.semantics.vocabulary))
+
+    def _random(self, count: int) -> np.ndarray:
+        drawn = self._rng.normal(size=(count, self.dimension)).astype(np.float32)
+        return drawn / np.linalg.norm(drawn, axis=1, keepdims=True)
+
+    def features(self, frame: Frame) -> FrameFeatures:
+        """Return what was painted, with new noise."""
+        found = self._labels.labels(frame)
+        assert found.instance is not None
+        things, mask = np.unique(np.where(found.category >= 0, found.instance, -1), return_inverse=True)
+        mask = mask.reshape(found.category.shape) - int(things[0] < 0)
+        things = things[things >= 0]
+        category = np.array([found.category[mask == row][0] for row in range(len(things))], np.int32)
+        return FrameFeatures(mask.astype(np.int32), self.directions[category] + self._random(len(things)))
+
+
 def peak_mb() -> float:
     status = Path("/proc/self/status").read_text()
     return int(next(line for line in status.splitlines() if line.startswith("VmHWM")).split()[1]) / 1024
@@ -79,7 +106,33 @@ def category_ious(truth: np.ndarray, found: np.ndarray) -> dict[int, float]:
     }
 
 
-def of_truth(scene: Scene, views: int, noise: float, contributors: Sequence[int], threads: int) -> None:
+def of_features(scene: Scene, frames: Sequence[Frame], labels: PaintedLabels, dimension: int, threads: int) -> None:
+    truth = scene.semantics.category
+    assert truth is not None
+    source = PaintedFeatures(scene, labels, dimension, np.random.default_rng(1))
+    prepared = prepare(scene.gaussians)
+    register_features(prepared, frames[:1], source, threads=threads)
+    before, start = peak_mb(), time.process_time()
+    found = register_features(prepared, frames, source, threads=threads)
+    spent, above = time.process_time() - start, peak_mb() - before
+    print(
+        f"{dimension} numbers a mask: CPU s/view {spent / len(frames):.3f}, pairs {found.report.pairs}, "
+        f"sums {found.report.sums_mb:.0f} MiB, peak {above:.0f} MiB above before"
+    )
+    both = (truth >= 0) & found.valid
+
+    def right(vectors: np.ndarray) -> float:
+        return float(((vectors[both].astype(np.float32) @ source.directions.T).argmax(axis=1) == truth[both]).mean())
+
+    books = learn_codebooks(found.embedding, dimension // 4, np.random.default_rng(0))
+    codes = encode(found.embedding, books)
+    print(
+        f"nearest feature right: {right(found.embedding):.3f} in {2 * dimension} bytes, "
+        f"{right(decode(codes, books)):.3f} in {codes.shape[1]}; labelled {both.sum() / (truth >= 0).sum():.3f}"
+    )
+
+
+def of_truth(scene: Scene, views: int, noise: float, contributors: Sequence[int], features: int, threads: int) -> None:
     truth, instance = scene.semantics.category, scene.semantics.instance
     assert truth is not None
     assert instance is not None
@@ -89,6 +142,9 @@ def of_truth(scene: Scene, views: int, noise: float, contributors: Sequence[int]
     prepared = prepare(scene.gaussians)
     size = f"{frames[0].camera.width}x{frames[0].camera.height}"
     print(f"{scene.name}: {len(truth)} Gaussians, {len(frames)} views of {size}, noise {noise:g}")
+    if features:
+        of_features(scene, frames, source, features, threads)
+        return
     visible = np.zeros(len(truth), bool)
     for frame in frames:
         visible[visible_ids(prepared, frame.camera)] = True
@@ -158,6 +214,7 @@ def main() -> None:
     parser.add_argument("--views", type=int, default=60)
     parser.add_argument("--noise", type=float, default=0.0)
     parser.add_argument("--contributors", type=int, nargs="+", default=[1, 5, 20, 45])
+    parser.add_argument("--features", type=int, default=0, help="numbers in a feature, a multiple of 4; 0 for labels")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--detector", default="", help="folder of a scene with views")
     parser.add_argument("--image", type=Path, help="folder for pictures of the detector's categories")
@@ -169,7 +226,7 @@ def main() -> None:
         scene = build_scannet_mesh(DATA / "scannet_scene0000_00").scene
     else:
         scene = build_apartment(0, gaussians=options.gaussians).scene
-    of_truth(scene, options.views, options.noise, options.contributors, options.threads)
+    of_truth(scene, options.views, options.noise, options.contributors, options.features, options.threads)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""How long `status` takes on a run of many units: a run folder is made up, without tables, since it opens none.
+"""How long `status` takes on a run of many units, each with failed questions: all their answers are opened once.
 
 python -m benchmarks.status                          # 10,000 units of 100 questions
 python -m benchmarks.status --units 1000 --watch 5
@@ -7,6 +7,7 @@ python -m benchmarks.status --units 1000 --watch 5
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import resource
 import tempfile
@@ -14,17 +15,22 @@ import time
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
+from jobs.runs.failures import FailedRows
 from jobs.runs.status import run_status
+from schemas.answers import ANSWERS
 from schemas.manifest_file import UNITS, Manifest, PartEntry, encode_manifest, numbered_uri
+from schemas.parts import encode_part
 from schemas.plan import PLAN_FILE, PlannedUnit, encode_plan
 from schemas.questions import Question
 from schemas.run_folder import RunFolder
 from schemas.tables import TABLES
+from tests.workers.fake_steps import answer
 
 BEGUN = datetime(2026, 1, 1, tzinfo=UTC)
 FAILED = 2
-"""Failed questions a unit: each is a line of the diary."""
+"""Failed questions a unit: each is a line of the diary, and the unit's answers are opened."""
 
 
 def planned(units: int, questions: int) -> Iterator[PlannedUnit]:
@@ -36,11 +42,18 @@ def planned(units: int, questions: int) -> Iterator[PlannedUnit]:
 
 def write_run(folder: Path, units: int, questions: int) -> str:
     run = RunFolder(str(folder))
-    diary = [{"time": BEGUN.isoformat(), "event": "started"}]
+    diary: list[dict[str, Any]] = [{"time": BEGUN.isoformat(), "event": "started"}]
     calls = {"calls": 15 * questions, "cached": 0, "failed_tries": 0, "tokens": 9_000 * questions, "usd": 0.5}
     Path(numbered_uri(run.root, UNITS, "0")).parent.mkdir(parents=True)
+    failed = {"status": "failed", "reason": "QuestionError: refused"}
+    asked = next(planned(1, questions)).questions
+    answers = encode_part(ANSWERS, [answer(q, **(failed if n < FAILED else {})) for n, q in enumerate(asked)])
+    (folder / ANSWERS.name).mkdir()
     for unit in planned(units, questions):
         parts = {n: PartEntry(f"{n}/{unit.id}.parquet", "0" * 64, 1, 1, spec.version) for n, spec in TABLES.items()}
+        path, sha256 = parts[ANSWERS.name].path, hashlib.sha256(answers).hexdigest()
+        parts[ANSWERS.name] = PartEntry(path, sha256, len(answers), questions, ANSWERS.version)
+        (folder / path).write_bytes(answers)
         manifest = Manifest(unit.id, questions, {"answered": questions - FAILED, "failed": FAILED}, parts)
         Path(numbered_uri(run.root, UNITS, unit.id)).write_bytes(encode_manifest(manifest))
         now = (BEGUN + timedelta(seconds=unit.index + 1)).isoformat()
@@ -62,9 +75,10 @@ def main() -> None:
     asked = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         run = write_run(Path(folder, "run"), asked.units, asked.questions)
+        rows = FailedRows(run)
         for look in range(asked.watch):
             wall, cpu = time.perf_counter(), time.process_time()
-            found = run_status(run)
+            found = run_status(run, rows)
             wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
             size = f"{found.questions:,} questions in {found.units:,} units"
             print(f"look {look + 1}: {size}: {wall:.2f} s, {cpu:.2f} s CPU")

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import re
+import sys
 from importlib.metadata import version as installed
 from typing import Any
 
+from docutils import nodes
+from sphinx.addnodes import pending_xref
 from sphinx.application import Sphinx
 
 project = html_title = "SplatReasoner"
@@ -33,6 +36,8 @@ myst_heading_anchors = 3
 html_theme = "furo"
 html_show_sourcelink = False
 html_copy_source = False
+html_static_path = ["_static"]
+html_css_files = ["width.css"]
 
 
 _WHOLE: dict[str, list[str]] = {}
@@ -59,7 +64,7 @@ def plain_text(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines:
 def whole_sentence(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
     """Take back what was made of a field's line: what comes before a colon there is no type."""
     kept = _WHOLE.pop(name, lines)
-    if what in ("attribute", "data"):
+    if what in ("attribute", "data", "property"):
         lines[:] = kept
 
 
@@ -69,8 +74,19 @@ def function_like_its_module(app: Sphinx, what: str, name: str, obj: Any, skip: 
     return True if shadows and f"{app.env.docname.split('/')[-1]}.{name}" == obj.__module__ else None
 
 
+def link_own_names(app: Sphinx, doctree: nodes.document) -> None:
+    """Link a short name of a type to what its module calls so, never to something else that ends alike."""
+    for link in doctree.findall(pending_xref):
+        if link["refdomain"] == "py":
+            link.attributes.pop("refspecific", None)  # where it is there, even as False, endings are searched
+            found = getattr(sys.modules.get(link.get("py:module")), link["reftarget"], None)
+            if isinstance(found, type):
+                link["reftarget"] = f"{found.__module__}.{found.__qualname__}"
+
+
 def setup(app: Sphinx) -> None:
     """Connect the above, before and after sections are read (500)."""
     app.connect("autodoc-process-docstring", plain_text, priority=400)
     app.connect("autodoc-process-docstring", whole_sentence, priority=600)
     app.connect("autodoc-skip-member", function_like_its_module)
+    app.connect("doctree-read", link_own_names)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -74,6 +75,22 @@ def test_imports_point_one_way(path: Path) -> None:
             own, other = path.parts[1], parts[1]
             if other != own and other in PIPELINE_ORDER:
                 assert other in PIPELINE_ORDER[own], f"{path} imports {name}: pipeline.{own} may not"
+
+
+def test_no_modules_import_each_other_in_a_circle() -> None:
+    """Imports within functions and for types alone count too: who needs whom is then plain from the files."""
+    modules = {".".join(path.with_suffix("").parts).removesuffix(".__init__"): path for path in _sources()}
+    needs: dict[str, set[str]] = {}
+    for module, path in modules.items():
+        found = set()
+        for node in ast.walk(ast.parse((ROOT / path).read_text())):
+            if isinstance(node, ast.Import):
+                found |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                names = (f"{node.module}.{alias.name}" for alias in node.names)
+                found |= {name if name in modules else str(node.module) for name in names}
+        needs[module] = (found & set(modules)) - {module}
+    list(TopologicalSorter(needs).static_order())  # names the circle, where there is one
 
 
 def test_every_subpackage_of_the_pipeline_has_a_place_in_the_order() -> None:

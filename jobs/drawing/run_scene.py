@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from jobs.dataset import scene_sha256
 from jobs.drawing.question import method_of
@@ -13,10 +13,8 @@ from jobs.scoring.arm_order import standing_arm
 from jobs.scoring.coverage import read_plan
 from pipeline.config import MethodConfig
 from schemas.errors import InputError
-from schemas.run_folder import RunFolder, read_table
-
-if TYPE_CHECKING:
-    import pandas as pd
+from schemas.run_folder import RunFolder
+from schemas.run_rows import RunRows
 
 OF_A_QUESTION = ("clusters", "candidates", "regions")
 NAMED = 8
@@ -58,11 +56,12 @@ class RunScene:
         """The run's method; None for one that has no clusters."""
         self.name = _planned_name(run, scene_uri)
         """The scene's name in the run."""
-        self._tables = {name: _of_scene(run, name, self.name) for name in OF_A_QUESTION}
+        self._rows = RunRows(run)
         plan = read_plan(run)
-        known = plan[(plan["scene"] == self.name) & plan["target_ids"].notna()]
+        plan = plan[plan["scene"] == self.name]
+        known = plan[plan["target_ids"].notna()]
         self._targets = {row["question_id"]: tuple(map(int, row["target_ids"])) for row in known.to_dict("records")}
-        answers = _of_scene(run, "answers", self.name).to_dict("records")
+        answers = self._rows.of(plan["question_id"], "answers").to_dict("records")
         self.questions = {str(row["question_id"]): _asked(row) for row in answers}
         """Committed questions by id, in plan order."""
 
@@ -75,14 +74,13 @@ class RunScene:
         if question_id not in self.questions:
             few = ", ".join(list(self.questions)[:NAMED]) or "none is committed"
             raise InputError("--question", expected=f"a committed question of {self.name}: {few}", found=question_id)
-        clusters, candidates, regions = (self._rows(name, question_id) for name in OF_A_QUESTION)
+        clusters, candidates, regions = (self._of(question_id, name) for name in OF_A_QUESTION)
         last = standing_arm({str(row["arm"]) for row in regions})
         counted = [row for row in regions if row["arm"] == last]
         return ToDraw(question_id, clusters, candidates, counted, self._targets.get(question_id, ()))
 
-    def _rows(self, name: str, question_id: str) -> list[dict[str, Any]]:
-        table = self._tables[name]
-        rows = table[table["question_id"] == question_id].to_dict("records")
+    def _of(self, question_id: str, name: str) -> list[dict[str, Any]]:
+        rows = self._rows.of([question_id], name).to_dict("records")
         return [{str(key): value for key, value in row.items()} for row in rows]
 
 
@@ -94,11 +92,6 @@ def _planned_name(run: str, scene_uri: str) -> str:
     few = ", ".join(list(planned)[:NAMED])
     expected = f"a run over {scene_uri} with the files it has now"
     raise InputError(run, expected=expected, found=f"scenes of other content: {few}")
-
-
-def _of_scene(run: str, name: str, scene: str) -> pd.DataFrame:
-    table = read_table(run, name)
-    return table[table["scene"] == scene]
 
 
 def _asked(row: dict[Any, Any]) -> Asked:

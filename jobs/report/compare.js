@@ -2,10 +2,12 @@
 const prepare = (all) => {
   all.about = all.scenery.map(scenesOf);
 };
-const detail = (pair, all) =>
+const detail = (pair, all, lines) =>
   [make("div", { class: "sides" }, ...["A", "B"].map((side, place) => {
     const record = pair[place];
-    const parts = record ? steps(record, all.about[place](record.scene), all.prompts) : [make("p", { class: "empty" }, "This run has no row for it.")];
-    return make("div", { class: "side" }, make("h3", { class: "sidename" }, `${side}: ${all.names[place]}`), ...parts);
+    const parts = record ? steps(record, all.about[place](record.scene), all.prompts, lines) : [make("p", { class: "empty" }, "This run has no row for it.")];
+    const box = make("div", { class: "side" }, make("h3", { class: "sidename" }, `${side}: ${all.names[place]}`), ...parts);
+    for (const region of box.querySelectorAll("[role=region]")) region.setAttribute("aria-label", `${side}: ${region.getAttribute("aria-label")}`);
+    return box;
   }))];
 start();

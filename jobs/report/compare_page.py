@@ -11,18 +11,19 @@ from urllib.parse import quote
 
 import pandas as pd
 
-from jobs.report.listing import SHARD, list_data, prompt_templates, scenery
+from jobs.report.listing import in_files, list_data, prompt_templates, scenery
 from jobs.report.pictures import DrawingBudget, draw_pictures
 from jobs.report.plots import Bar, BarGroup, bar_plot
-from jobs.report.questions import LISTED, OF_A_QUESTION, Questions
+from jobs.report.questions import LISTED, OF_A_QUESTION, Lines, Questions
 from jobs.report.shards import DataFolder
 from jobs.report.shell import Section, document, plot_box, question_section, sheet_table
 from jobs.report.write import MAX_QUESTIONS
-from jobs.runs.progress import Progress
+from jobs.runs.progress import Progress, Silent
 from jobs.scoring.compare import Comparison
 from jobs.scoring.sheets import MAIN_METRICS, TASK_NAMES, Sheet, interval, metric_name
 from schemas import storage
 from schemas.run_folder import RunFolder, read_table
+from schemas.run_rows import RunRows
 
 OUTCOMES: Mapping[str, str] = {
     "better": "B better",
@@ -50,6 +51,7 @@ def write_comparison(
     max_questions: int = MAX_QUESTIONS,
     drawing: DrawingBudget | None = None,
     progress: Progress | None = None,
+    writing: Progress | None = None,
 ) -> Path:
     """Write the page of a comparison, with a folder of its data beside it, and return its path.
 
@@ -61,6 +63,7 @@ def write_comparison(
         max_questions: Questions listed, in the order of A; the tables count all.
         drawing: How many questions get pictures from their scenes, in each run.
         progress: Who is told how drawing goes; None for nobody.
+        writing: Who is told how writing goes; None for nobody.
 
     Raises:
         InputError: A run is damaged, or the page may not be written.
@@ -79,13 +82,11 @@ def write_comparison(
         here = [row for row in listed if row["id"] in committed]
         drawn.append(draw_pictures(root, method, questions, here, data, drawing or DrawingBudget(), progress))
         sides.append(questions)
-    ids = [row["id"] for row in listed]
-    for number, first in enumerate(range(0, len(ids), SHARD)):
-        some = ids[first : first + SHARD]
-        records = [questions.records(some) for questions in sides]
-        data.script(
-            f"q{number}", [[_with(records[side], key, drawn[side].questions) for side in (0, 1)] for key in some]
-        )
+    for file, ids in in_files([row["id"] for row in listed], writing or Silent()):
+        lines = Lines()
+        records = [questions.records(ids, lines) for questions in sides]
+        pairs = [[_with(records[side], key, drawn[side].questions) for side in (0, 1)] for key in ids]
+        data.script(file, {"records": pairs, "lines": lines.all()})
     names = [str(run.get("name", "run")) for run in runs]
     prompts = {prompt["sha256"]: prompt for run in runs for prompt in prompt_templates(run)}
     more = {"scenery": [scenery(one) for one in drawn], "names": names, "prompts": list(prompts.values())}
@@ -127,7 +128,7 @@ def _questions(run: str, output: Path) -> Questions:
     images = storage.list_files(storage.join(run, "images"), recursive=True) if here is not None else ()
     link = "" if here is None else quote(os.path.relpath(here, output.parent).replace(os.sep, "/")) + "/"
     tables = {name: read_table(run, name) for name in ("answers", *OF_A_QUESTION)}
-    return Questions(tables, {f"images/{name}" for name in images}, len(tables["answers"]), link)
+    return Questions(tables, RunRows(run), {f"images/{name}" for name in images}, len(tables["answers"]), link)
 
 
 def _with(

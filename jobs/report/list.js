@@ -121,9 +121,9 @@ const openQuestion = async (id) => {
   place = matching.findIndex((one) => one.id === id);
   const box = byId("question");
   if (row < 0) return box.replaceChildren(make("p", { class: "notice" }, `There is no question ${id} in the list.`));
-  const records = await load(`q${Math.floor(row / data.shard)}`);
+  const { records, lines } = await load(`q${Math.floor(row / data.shard)}`);
   if (decodeURIComponent(readAddress().path.slice(2)) !== id) return undefined; // somebody went on meanwhile
-  const link = (to, name, text) => make("a", { class: "button", href: to ? `#q=${encodeURIComponent(to.id)}` : null, "aria-disabled": to ? null : "true", rel: name }, text);
+  const link = (to, name, text) => make(to ? "a" : "span", { class: "button", href: to ? `#q=${encodeURIComponent(to.id)}` : null, "aria-disabled": to ? null : "true", rel: name }, text);
   const one = data.rows[row];
   box.replaceChildren(
     make("nav", { class: "steps", "aria-label": "Questions" },
@@ -133,7 +133,7 @@ const openQuestion = async (id) => {
     make("h2", { tabindex: "-1" }, one.question),
     make("p", { class: "where" }, [TASK_TEXT(one.task), one.category, one.scene, one.id].filter(Boolean).join(" · ")),
     make("p", { class: "chips" }, ...chips(one.labels)),
-    ...detail(records[row % data.shard], data));
+    ...detail(records[row % data.shard], data, lines));
   document.title = `${one.question.slice(0, 60)} · ${document.body.dataset.name}`;
   scrollTo(0, 0);
   return box.querySelector("h2").focus({ preventScroll: true });
@@ -151,7 +151,9 @@ const show = () => {
     if (current) byId("tabs").scrollLeft = link.offsetLeft - 60;
   }
   document.title = document.body.dataset.name;
-  if (asked !== "question" && asked !== "questions") return;
+  const listed = asked === "question" || asked === "questions";
+  document.documentElement.classList.toggle("waits", listed && !data);
+  if (!listed) return;
   load("list").then((found) => {
     if (!data) {
       data = found;
@@ -163,7 +165,7 @@ const show = () => {
     return openQuestion(decodeURIComponent(path.slice(2)));
   }).catch((error) => {
     byId(asked === "question" ? "question" : "count").replaceChildren(make("p", { class: "notice" }, error.message));
-  });
+  }).finally(() => document.documentElement.classList.remove("waits"));
 };
 
 const keys = (event) => {

@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 from jobs.report.pictures import Pictures
+from jobs.runs.progress import Progress
 from pipeline.models.prompts import BUILT_IN, Prompts
 
 SHARD = 50
 """Questions a file: about half a megabyte, loaded when the first of them is opened."""
+
+
+def in_files(ids: Sequence[str], told: Progress) -> Iterator[tuple[str, Sequence[str]]]:
+    """Yield the name and the questions of each file of questions, while `told` hears how many are written."""
+    told.begin(len(ids), 0)
+    try:
+        for number, first in enumerate(range(0, len(ids), SHARD)):
+            some = ids[first : first + SHARD]
+            yield f"q{number}", some
+            for _ in some:
+                told.advance("")
+    finally:
+        told.end()
 
 
 def list_data(

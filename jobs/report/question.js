@@ -123,8 +123,15 @@ const grounded = (question) => {
         : make("p", { class: "empty" }, "nothing was grounded"));
 };
 
-const callLine = (call, prompts) => {
+// What a model was asked: as it was sent, or, where the run did not keep that, the prompt before it was filled in.
+const requestOf = (call, prompts, lines) => {
+  if (call.sent.length) return [make("h4", {}, "Request"), make("pre", { tabindex: "0" }, call.sent.map((place) => lines[place]).join("\n"))];
   const prompt = prompts.find((one) => call.prompt && one.sha256.startsWith(call.prompt));
+  if (!prompt) return [make("h4", {}, "Request"), make("p", { class: "empty" }, `This run kept none; the hash of its prompt begins with ${orDash(call.prompt)}.`)];
+  return [make("h4", {}, `Request: this run kept none; prompt ${prompt.name} before the question's data were filled in`), make("pre", { tabindex: "0" }, prompt.text)];
+};
+
+const callLine = (call, prompts, lines) => {
   const facts = [call.cached ? "stored reply" : seconds(call.seconds), call.tokens[0] + call.tokens[1] ? `${whole(call.tokens[0])} + ${whole(call.tokens[1])} tokens` : null,
     call.usd ? `${call.usd} USD` : null, call.attempt > 1 ? `try ${call.attempt}` : null, call.outcome === "ok" ? null : call.outcome];
   const box = make("details", { class: `call${call.outcome === "ok" ? "" : " bad"}` },
@@ -132,22 +139,20 @@ const callLine = (call, prompts) => {
   box.addEventListener("toggle", () => {
     if (!box.open || box.children.length > 1) return;
     box.append(make("div", { class: "inside" },
-      make("h5", {}, "Reply"), make("pre", { tabindex: "0" }, call.reply || "(empty)"),
-      make("h5", {}, prompt ? `Prompt ${prompt.name}: its text before the question's data were filled in` : "Prompt"),
-      prompt ? make("pre", { tabindex: "0" }, prompt.text) : make("p", { class: "empty" }, `The text of this prompt is not at hand; its hash begins with ${orDash(call.prompt)}.`),
+      ...requestOf(call, prompts, lines), make("h4", {}, "Reply"), make("pre", { tabindex: "0" }, call.reply || "(empty)"),
       terms([["Model", call.model], ["Key of the stored reply", call.key]])));
   }, true);
   return box;
 };
 
-const calls = (question, prompts) => {
+const calls = (question, prompts, lines) => {
   const sent = question.calls.filter((call) => !call.cached);
   const time = question.seconds.reduce((sum, [, value]) => sum + (value ?? 0), 0);
   return step(6, `Model calls (${question.calls.length})`, `${whole(sent.length)} sent, ${whole(question.calls.length - sent.length)} found among stored replies; ${seconds(time)} in all stages.`,
     question.seconds.length > 0 && make("p", { class: "where" }, question.seconds.map(([stage, value]) => `${stage} ${seconds(value)}`).join(" · ")),
-    question.calls.length ? make("div", { class: "calls" }, ...question.calls.map((call) => callLine(call, prompts))) : make("p", { class: "empty" }, "none"));
+    question.calls.length ? make("div", { class: "calls" }, ...question.calls.map((call) => callLine(call, prompts, lines))) : make("p", { class: "empty" }, "none"));
 };
 
-// The steps of one run's record; scene holds its map and why nothing was drawn.
-const steps = (question, scene, prompts) =>
-  [verdict(question), evidence(question), where(question, scene), views(question), answers(question), grounded(question), calls(question, prompts)].filter(Boolean);
+// The steps of one run's record; scene holds its map and why nothing was drawn, lines those of the requests beside it.
+const steps = (question, scene, prompts, lines) =>
+  [verdict(question), evidence(question), where(question, scene), views(question), answers(question), grounded(question), calls(question, prompts, lines)].filter(Boolean);

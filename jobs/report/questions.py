@@ -11,6 +11,7 @@ import pandas as pd
 from jobs.scoring.arm_order import place_of, standing_arm
 from pipeline.metrics.llm_match import match_score
 from schemas.run_folder import image_name
+from schemas.run_rows import RunRows
 
 RIGHT_MARK = 4
 """Least LLM-Match mark of a right answer: the judge finds at most a detail wrong."""
@@ -21,8 +22,8 @@ REPLY_SHOWN = 4_000
 """Characters of a reply on the page; the tables hold it whole."""
 LISTED = 160
 """Characters of a question and of its answers in the list, which is loaded whole."""
-OF_A_QUESTION = ("arms", "clusterings", "clusters", "candidates", "regions", "calls", "timings")
-"""Tables with rows of a question, beside `answers`."""
+OF_A_QUESTION = ("arms", "clusterings", "clusters", "candidates", "regions", "timings")
+"""Tables with rows of a question that are read whole, beside `answers`; calls, with their long texts, are not."""
 
 LABELS: Mapping[str, str] = {
     "right": "Right",
@@ -41,21 +42,44 @@ LABELS: Mapping[str, str] = {
 """Filters of the question list, in order."""
 
 
+class Lines:
+    """Lines of text, each kept once: the requests of some questions are mostly the same words."""
+
+    def __init__(self) -> None:
+        self._places: dict[str, int] = {}
+
+    def places(self, text: str) -> list[int]:
+        """Return the places of a text's lines in `all`; none of an empty text."""
+        return [self._places.setdefault(line, len(self._places)) for line in text.split("\n")] if text else []
+
+    def all(self) -> list[str]:
+        """Return the lines."""
+        return list(self._places)
+
+
 class Questions:
     """The committed questions of a run, made into plain data some at a time: a large run does not fit in memory whole.
 
     Args:
-        tables: `answers`, `arms`, `clusters`, `candidates`, `calls`, `regions`, `clusterings` and `timings`.
+        tables: `answers` and those of `OF_A_QUESTION`.
+        rows: The run's rows, for its calls.
         images: Paths, below the run folder, of the thumbnails that exist.
         limit: Questions kept, in plan order.
         link: Put before those paths, so that a page elsewhere finds them.
     """
 
-    def __init__(self, tables: Mapping[str, pd.DataFrame], images: Collection[str], limit: int, link: str = "") -> None:
+    def __init__(
+        self,
+        tables: Mapping[str, pd.DataFrame],
+        rows: RunRows,
+        images: Collection[str],
+        limit: int,
+        link: str = "",
+    ) -> None:
         self._answers = tables["answers"].head(limit).reset_index(drop=True)
         self._tables = {name: tables[name] for name in OF_A_QUESTION}
         self._places = {name: table.groupby("question_id").indices for name, table in self._tables.items()}
-        self._images, self._link = images, link
+        self._rows, self._images, self._link = rows, images, link
 
     def __len__(self) -> int:
         return len(self._answers)
@@ -82,17 +106,22 @@ class Questions:
             for row in _rows(self._answers)
         ]
 
-    def records(self, ids: Sequence[str]) -> dict[str, dict[str, Any]]:
-        """Return questions with all that led to their answers, by id; without those that have no committed row."""
+    def records(self, ids: Sequence[str], lines: Lines) -> dict[str, dict[str, Any]]:
+        """Return questions with all that led to their answers, by id; without those that have no committed row.
+
+        Args:
+            ids: The questions.
+            lines: Takes the lines of their requests; records hold their places.
+        """
         kept = self._answers[self._answers["question_id"].isin(ids)]
-        found = {}
+        found = {"calls": _by_question(self._rows.of(ids, "calls"), set(ids))}
         for name, places in self._places.items():
             where = [places[question] for question in kept["question_id"] if question in places]
             table = self._tables[name]
             found[name] = _by_question(table.iloc[np.concatenate(where)] if where else table.head(0), set(ids))
         return {
             row["question_id"]: _record(
-                row, {name: rows.get(row["question_id"], []) for name, rows in found.items()}, self._image
+                row, {name: rows.get(row["question_id"], []) for name, rows in found.items()}, self._image, lines
             )
             for row in _rows(kept)
         }
@@ -140,7 +169,10 @@ def _listed(answer: Mapping[str, Any], arms: Mapping[str, Mapping[str, Any]]) ->
 
 
 def _record(
-    answer: dict[str, Any], rows: Mapping[str, list[dict[str, Any]]], image: Callable[[Mapping[str, Any]], str | None]
+    answer: dict[str, Any],
+    rows: Mapping[str, list[dict[str, Any]]],
+    image: Callable[[Mapping[str, Any]], str | None],
+    lines: Lines,
 ) -> dict[str, Any]:
     return {
         "id": answer["question_id"],
@@ -168,7 +200,7 @@ def _record(
         ],
         "clusters": [_cluster(cluster, rows["candidates"], image) for cluster in rows["clusters"]],
         "regions": [[row["arm"], int(row["instance"]), row["view"], len(row["gaussians"])] for row in rows["regions"]],
-        "calls": [_call(call) for call in rows["calls"]],
+        "calls": [_call(call, lines) for call in rows["calls"]],
         "seconds": [[row["stage"], _rounded(row["seconds"], 4)] for row in rows["timings"]],
     }
 
@@ -229,12 +261,13 @@ def _candidate(candidate: Mapping[str, Any], image: str | None) -> dict[str, Any
     }
 
 
-def _call(call: Mapping[str, Any]) -> dict[str, Any]:
+def _call(call: Mapping[str, Any], lines: Lines) -> dict[str, Any]:
     return {
         "stage": call["stage"],
         "subject": call["subject"],
         "model": call["model"],
         "prompt": call["prompt_sha256"][:16],
+        "sent": lines.places(call["prompt"]),
         "key": call["key"],
         "attempt": int(call["attempt"]),
         "outcome": call["outcome"],

@@ -2,5 +2,5 @@
 const prepare = (all) => {
   all.about = scenesOf(all.scenery);
 };
-const detail = (record, all) => steps(record, all.about(record.scene), all.prompts);
+const detail = (record, all, lines) => steps(record, all.about(record.scene), all.prompts, lines);
 start();

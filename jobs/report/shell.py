@@ -1,7 +1,7 @@
 """The frame of every page: one HTML file with its style and script inside and its data in a folder beside it.
 
-Whatever comes from a run is escaped here, or set as text by the script. The page's policy allows its own script by
-hash, and what that script itself loads ('strict-dynamic'), which is how data come in without reading files; no other
+Whatever comes from a run is escaped here, or set as text by the script. The page's policy allows its own scripts by
+hash, and what they themselves load ('strict-dynamic'), which is how data come in without reading files; no other
 script, no network, no frame, no form.
 """
 
@@ -45,10 +45,10 @@ def document(name: str, head: str, sections: Sequence[Section], *, data: str, sc
     """
     style = (HERE / "page.css").read_text(encoding="utf-8")
     parts = "\n".join((HERE / file).read_text(encoding="utf-8") for file in (*SHARED, script))
-    code = f'(() => {{\n"use strict";\n{parts}}})();\n'
+    early, code = (HERE / "early.js").read_text(encoding="utf-8"), f'(() => {{\n"use strict";\n{parts}}})();\n'
     policy = (
         "default-src 'none'; base-uri 'none'; form-action 'none'; img-src 'self' file:; "
-        f"style-src '{_hash(style)}'; script-src '{_hash(code)}' 'strict-dynamic'"
+        f"style-src '{_hash(style)}'; script-src '{_hash(early)}' '{_hash(code)}' 'strict-dynamic'"
     )
     tabs = "".join(f'<a href="#{section.id}">{escape(section.title)}</a>' for section in sections)
     bodies = "".join(
@@ -61,7 +61,8 @@ def document(name: str, head: str, sections: Sequence[Section], *, data: str, sc
             f'<meta http-equiv="Content-Security-Policy" content="{policy}">',
             '<meta name="viewport" content="width=device-width, initial-scale=1">',
             '<meta name="color-scheme" content="light dark"><meta name="referrer" content="no-referrer">',
-            f"<title>{escape(name)} · SplatReasoner</title><style>{style}</style></head>",
+            f'<meta name="description" content="Answers about splat scenes, and what led to each: {escape(name)}">',
+            f"<title>{escape(name)} · SplatReasoner</title><script>{early}</script><style>{style}</style></head>",
             f'<body data-folder="{escape(data)}" data-name="{escape(name)} · SplatReasoner">',
             '<a class="skip" href="#main">Skip to the content</a>',
             f'<header><div class="bar"><h1>{escape(name)}</h1>',
@@ -124,7 +125,7 @@ def plot_box(title: str, svg: str, legend: Sequence[str] = (), note: str = "", k
     return (
         f'<figure class="plotted {kind}"><figcaption>{escape(title)}</figcaption>'
         + (f'<ul class="legend">{keys}</ul>' if keys else "")
-        + f'<div class="plotbox" tabindex="0" role="region" aria-label="{escape(title)}">{svg}</div>'
+        + f'<div class="plotbox" tabindex="0" role="region" aria-label="Plot: {escape(title)}">{svg}</div>'
         + (f"<p>{escape(note)}</p>" if note else "")
         + "</figure>"
     )

@@ -17,6 +17,7 @@ import pandas as pd
 from jobs.scoring.cluster_scores import cluster_summary
 from jobs.scoring.coverage import Coverage, read_plan, with_planned
 from jobs.scoring.scores import PENDING, STATUSES, Options, compare, in_order, score_rows, summarise
+from schemas.calls import CALL_FIGURES
 from schemas.errors import InputError
 
 STAGES = (
@@ -45,10 +46,19 @@ def aggregate(run: str | Path, options: Options | None = None) -> dict[str, pd.D
     Raises:
         InputError: There is no such run, or a part is damaged.
     """
+    return aggregate_tables(read_needed(run), options)
+
+
+def read_needed(run: str | Path) -> dict[str, pd.DataFrame]:
+    """Return the tables that `aggregate_tables` needs, calls without the texts of their requests, and the plan.
+
+    Raises:
+        InputError: As `aggregate`.
+    """
     from schemas.run_folder import read_table
 
-    tables = {name: read_table(run, name) for name in NEEDED}
-    return aggregate_tables({**tables, "plan": read_plan(run)}, options)
+    tables = {name: read_table(run, name, CALL_FIGURES if name == "calls" else None) for name in NEEDED}
+    return {**tables, "plan": read_plan(run)}
 
 
 def grouped(run: str | Path, by: Sequence[str] = (), options: Options | None = None) -> pd.DataFrame:

@@ -17,6 +17,7 @@ from jobs.scoring.aggregate import STAGES, coverage
 from jobs.scoring.coverage import Coverage, read_plan
 from jobs.scoring.scores import ARMS, PAIRED, Options, in_order, paired, score_rows
 from jobs.scoring.sheets import MAIN_METRICS
+from schemas.calls import CALL_FIGURES
 from schemas.errors import InputError
 from schemas.questions import TASKS
 from schemas.run_folder import RunFolder, read_table
@@ -223,7 +224,7 @@ def _differences(a: Any, b: Any, place: str = "") -> list[tuple[str, Any, Any]]:
 def _cost(runs: tuple[str, str], shared: pd.Index[Any]) -> pd.DataFrame:
     sides = {}
     for side, run in zip("ab", runs, strict=True):
-        calls, timings = read_table(run, "calls"), read_table(run, "timings")
+        calls, timings = read_table(run, "calls", CALL_FIGURES), read_table(run, "timings")
         calls = calls[calls["question_id"].isin(shared) & calls["outcome"].isin(("ok", "unparsed"))]
         timings = timings[timings["question_id"].isin(shared)]
         by_stage = calls.assign(tokens=calls["prompt_tokens"] + calls["completion_tokens"]).groupby("stage")

@@ -15,6 +15,7 @@ from jobs.scoring.coverage import Coverage
 from jobs.scoring.scores import ARMS, COUNTED, PENDING, Options, in_order, score_rows, scored_ends
 from jobs.tables.table_file import LAST, Column, Table, TableRun
 from pipeline.metrics.stability import mean_by_question, over_runs, paired_t
+from schemas.calls import CALL_FIGURES
 from schemas.errors import InputError
 from schemas.run_folder import RunFolder, read_table
 
@@ -159,7 +160,9 @@ def _read(place: str | Path, options: Options) -> _Run | None:
     covered = coverage(place)
     if covered.pending == covered.planned:
         return None
-    costs = cost_rows(*(read_table(place, name) for name in ("answers", "calls", "timings")))
+    costs = cost_rows(
+        read_table(place, "answers"), read_table(place, "calls", CALL_FIGURES), read_table(place, "timings")
+    )
     return _Run(covered, score_rows(covered.arms, covered.answers, options.thresholds), costs)
 
 

@@ -70,10 +70,10 @@ def compare(
 def _write_page(found: Comparison, page: Path, overlays: int, scenes: str) -> Path:
     from jobs.report.compare_page import write_comparison
     from jobs.report.pictures import DrawingBudget
-    from jobs.runs.progress import for_terminal
+    from jobs.runs.progress import for_terminal, on_terminal
 
-    drawing = DrawingBudget(overlays, scenes=scenes)
-    return write_comparison(found, page, drawing=drawing, progress=for_terminal("questions drawn"))
+    drawing, writing = DrawingBudget(overlays, scenes=scenes), on_terminal("questions written")
+    return write_comparison(found, page, drawing=drawing, progress=for_terminal("questions drawn"), writing=writing)
 
 
 def _print_scores(found: Comparison) -> None:

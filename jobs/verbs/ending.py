@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from typing import TYPE_CHECKING
 
 import typer
@@ -16,7 +15,7 @@ if TYPE_CHECKING:
 
 FAILED = 1
 REASONS = 3
-"""Reasons of failed questions that are told; the others stand in events.jsonl and in the tables."""
+"""Errors of failed questions that are told; `status` tells the others."""
 
 
 def cache_mode(no_cache: bool, replay: bool) -> str | None:
@@ -37,13 +36,13 @@ def end(result: RunResult) -> None:
         typer.Exit: The run was stopped, or every question of the session failed.
     """
     from jobs.runs.status import run_status
+    from jobs.verbs.status import failure_line
 
     driven, status = result.driven, run_status(result.run)
     counts = ", ".join(f"{count} {name}" for name, count in sorted(status.statuses.items()))
     print(f"{result.run}: {driven.done} of {driven.planned} questions committed" + (f" ({counts})" if counts else ""))
-    reasons = status.reasons or (_reasons(result.run) if status.statuses.get("failed") else {})
-    for reason, count in list(reasons.items())[:REASONS]:
-        print(f"  {count} failed: {reason}")
+    for failure in status.failures[:REASONS]:
+        print(f"  {failure_line(failure, status.items)}")
     if driven.stopped:
         print(f"stopped; go on with: splatreasoner resume {result.run}")
         raise typer.Exit(STOPPED)
@@ -51,15 +50,6 @@ def end(result: RunResult) -> None:
         print("every question failed")
         raise typer.Exit(FAILED)
     print(f"scores: splatreasoner aggregate {result.run}; page: splatreasoner report {result.run}")
-
-
-def _reasons(run: str) -> dict[str, int]:
-    """Return the reasons of failed questions by their rows: what a question itself lacks is in no diary."""
-    from schemas.answers import ANSWERS
-    from schemas.run_folder import RunFolder
-
-    rows = (row for part in RunFolder(run).parts(ANSWERS.name) for row in ANSWERS.to_rows(part))
-    return dict(Counter(row.reason for row in rows if row.status == "failed").most_common())
 
 
 def end_build(result: RunResult) -> None:

@@ -25,7 +25,8 @@ def report(
     """
     from jobs.report import write_report
     from jobs.report.pictures import DrawingBudget
-    from jobs.runs.progress import for_terminal
+    from jobs.runs.progress import for_terminal, on_terminal
 
     drawing = DrawingBudget(overlays, seconds, scenes)
-    print(write_report(run, drawing=drawing, progress=for_terminal("questions drawn")))
+    writing = on_terminal("questions written")
+    print(write_report(run, drawing=drawing, progress=for_terminal("questions drawn"), writing=writing))

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
+    from jobs.runs.failures import Failure
     from jobs.runs.status import RunStatus
 
 FAILURES_SHOWN = 12
-"""Reasons told, the most frequent; --json gives all."""
+"""Errors told, the most frequent; --json gives all."""
 MESSAGE_WIDTH = 160
 CLEAR = "\x1b[2J\x1b[H"
 """What empties a terminal."""
@@ -22,17 +23,19 @@ def status(
     every: Annotated[float, typer.Option(help="Seconds between looks of --watch.", min=0.5)] = 5.0,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object; with --watch one a line.")] = False,
 ) -> None:
-    """Say how far a run is: units, questions, rate, time left, spend, failures by reason.
+    """Say how far a run is: units, questions, rate, time left, spend, failures by error.
 
     Example: [bold]splatreasoner status demo/run --watch[/bold]
     """
     import sys
     import time
 
+    from jobs.runs.failures import FailedRows
     from jobs.runs.status import run_status
 
+    rows = FailedRows(run)
     while True:
-        found = run_status(run)
+        found = run_status(run, rows)
         if as_json:
             import json
 
@@ -68,19 +71,24 @@ def lines(found: RunStatus, run: str) -> list[str]:
     if found.retries:
         by_error = ", ".join(f"{error} {count}" for error, count in found.retries.items())
         told.append(f"tries beyond the first: {sum(found.retries.values())} ({by_error})")
-    for failure in found.failures[:FAILURES_SHOWN]:
-        message = " ".join(failure.message.split())
-        message = message if len(message) <= MESSAGE_WIDTH else message[: MESSAGE_WIDTH - 1] + "…"
-        told.append(
-            f"  {failure.questions} failed: {failure.error}: {message} (such as {found.items[:-1]} {failure.example})"
-        )
+    told += [f"  {failure_line(failure, found.items)}" for failure in found.failures[:FAILURES_SHOWN]]
     if len(found.failures) > FAILURES_SHOWN:
-        told.append(f"  and {len(found.failures) - FAILURES_SHOWN} other reasons: status --json lists all")
+        told.append(f"  and {len(found.failures) - FAILURES_SHOWN} other errors: status --json lists all")
     if not found.complete and not found.running:
         told.append(f"go on with: splatreasoner resume {run}")
     elif found.complete and found.statuses.get("failed"):
         told.append(f"do failed ones again with: splatreasoner retry {run} --status failed")
     return told
+
+
+def failure_line(failure: Failure, items: str) -> str:
+    """Return failed questions, or captures, of one error in a line, with what one of them says."""
+    message = " ".join(failure.message.split())
+    message = message if len(message) <= MESSAGE_WIDTH else message[: MESSAGE_WIDTH - 1] + "…"
+    said = ": ".join(filter(None, (failure.error, message)))
+    return f"{failure.questions} failed: {said}" + (
+        f" (such as {items[:-1]} {failure.example})" if failure.example else ""
+    )
 
 
 def _spend(found: RunStatus) -> list[str]:

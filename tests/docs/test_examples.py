@@ -58,7 +58,7 @@ def test_python_of_a_page_runs(
         pytest.skip(f"needs {NEEDS_FILES[name]}")
     monkeypatch.chdir(tmp_path)
     known: dict[str, Any] = {"__name__": "example"}
-    if name in ("README.md", "results.md"):
+    if name in ("README.md", "results.md", "prompts.md"):
         make_scene("a", ["q", "no evidence", "z"])
         for run in ("demo/run", "runs/scannet", "runs/base", "runs/explore"):
             submit(make_job(run), steps=STEPS)

@@ -1,4 +1,4 @@
-"""docs/paper.md: every function it names is there, and every equation of the paper has one."""
+"""Functions and modules that pages name are there, and docs/paper.md has one for every equation of the paper."""
 
 from __future__ import annotations
 
@@ -8,15 +8,21 @@ from pathlib import Path
 
 import pytest
 
+from jobs.builds.build_job import BuildWorkers
+from jobs.config import WorkersConfig
 from tests.conftest import ROOT, SHARED
 
 PAGE = (ROOT / "docs" / "paper.md").read_text()
-NAMES = sorted(set(re.findall(r"`((?:pipeline|jobs|schemas|workers)\.[\w.]+)`", PAGE)))
+PAGES = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
+TEXT = "\n".join(page.read_text() for page in PAGES)
+FIELDS = {f"workers.{name}" for name in {**WorkersConfig.model_fields, **BuildWorkers.model_fields}}
+"""Of a section of job files, which is called like the package."""
+NAMES = sorted(set(re.findall(r"`((?:pipeline|jobs|schemas|workers)\.[\w.]+)`", TEXT)) - FIELDS)
 PAPER = SHARED.parent / "seed" / "splatreasoner.tex"
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_name_in_the_map_exists(name: str) -> None:
+def test_name_on_a_page_exists(name: str) -> None:
     # Read, not imported: torch alone would take seconds.
     place, names = _module_of(name.split("."))
     node: ast.AST = ast.parse(place.read_text())
@@ -39,6 +45,8 @@ def _module_of(parts: list[str]) -> tuple[Path, list[str]]:
 def _defined(node: ast.AST) -> list[str]:
     if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
         return [node.name]
+    if isinstance(node, ast.Assign | ast.AnnAssign):
+        return [target.id for target in ast.walk(node) if isinstance(target, ast.Name)]
     return [alias.asname or alias.name for alias in node.names] if isinstance(node, ast.ImportFrom) else []
 
 
