@@ -6,6 +6,7 @@ A job file is YAML. Paths in it are relative to the file itself, so a job runs t
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping
 from difflib import get_close_matches
 from pathlib import Path
@@ -248,7 +249,7 @@ def input_error(subject: object, detail: Any, root: type[BaseModel] = JobConfig)
         place, expected, value = [*place, field], one, _value_at(value, field)
     found = repr(value)
     if kind == "missing":
-        expected, found = "a value", "nothing"
+        expected, found = f"a value{_meaning(root, detail['loc'])}", "nothing"
     elif one and value is None:
         found = "nothing"
     elif place[-1:] == ["key_env"] or (place[-1:] == ["base_url"] and "@" in found):
@@ -268,6 +269,14 @@ def _value_at(found: Any, place: str) -> Any:
 def _place(root: type[BaseModel], place: tuple[Any, ...]) -> list[str]:
     """Return the fields on the way to a place, without the kinds that pydantic puts after a method's field."""
     return [str(part) for number, part in enumerate(place) if part not in _members(_model_at(root, place[:number]))]
+
+
+def _meaning(root: type[BaseModel], place: tuple[Any, ...]) -> str:
+    """Return what the field at a place means, up to the first comma, in brackets."""
+    found = _model_at(root, place[:-1])
+    known = isinstance(found, type) and issubclass(found, BaseModel) and str(place[-1]) in found.model_fields
+    described = found.model_fields[str(place[-1])].description if known else None
+    return f" ({re.split('[,;:] ', described)[0]})" if described else ""
 
 
 def _fields_at(root: type[BaseModel], place: tuple[Any, ...]) -> list[str]:

@@ -53,4 +53,4 @@ def render(
         written = draw_files(
             scene, output, run=run, question_id=question, on_map=from_above, sheet=sheet, threads=threads
         )
-    print(f"{len(written)} files in {output}")
+    print(f"{len(written)} file{'' if len(written) == 1 else 's'} in {output}")

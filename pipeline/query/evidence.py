@@ -65,7 +65,7 @@ async def find_evidence(
     """
     start = time.perf_counter()
     if not vocabulary:
-        return Evidence("failed", "the scene has no categories", (), (), 0.0)
+        return Evidence("failed", "the scene has no categories: splatreasoner label adds them", (), (), 0.0)
     names, k = sorted(vocabulary), config.k(question)
     try:
         asked = await caller.ask(

@@ -49,7 +49,7 @@ def test_a_method_without_a_kind_is_the_papers() -> None:
         ("{kind: blnd}", "method.kind: expected one of splatreasoner, blind, .*scores_field, found blnd$"),
         ("{kind: blind, frames: 3}", "method: expected one of mark, kind, found frames$"),
         ("{kind: multi_frame, frames: 0}", "method.frames: expected greater than or equal to 1, found 0$"),
-        ("{kind: scores_field}", "method.file: expected a value, found nothing$"),
+        ("{kind: scores_field}", r"method.file: expected a value \(.+\), found nothing$"),
         (
             "{kind: memory_snapshots, objects: {clusters: 1}}",
             "method.objects: expected one of .*, found clusters;",

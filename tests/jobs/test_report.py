@@ -148,7 +148,7 @@ def test_report_holds_every_request_as_it_was_sent_and_each_line_once(run: str, 
     assert any(EVIL in text for text in sent["q0000"])
 
 
-def test_report_tells_how_far_writing_is(run: str) -> None:
+def test_report_tells_how_far_writing_is(tmp_path: Path) -> None:
     told: list[str] = []
 
     class Told(Silent):
@@ -164,8 +164,8 @@ def test_report_tells_how_far_writing_is(run: str) -> None:
         def end(self) -> None:
             told.append("end")
 
-    write_report(run, options=QUICK, drawing=NOTHING_DRAWN, writing=Told())
-    assert told == ["reading the tables", "computing the scores", "60 to write", *["one"] * 60, "end"]
+    write_report(write_run(tmp_path, 6), options=QUICK, drawing=NOTHING_DRAWN, writing=Told())
+    assert told == ["reading the tables", "computing the scores", "6 to write", *["one"] * 6, "end"]
 
 
 def test_report_names_thumbnails_that_exist_and_no_others(path: Path) -> None:

@@ -107,7 +107,7 @@ def test_one_capture_need_not_be_a_list(tmp_path: Path) -> None:
         ("{name: a, output: b, captures: c, build: {train: {stepps: 1}}}", "build.train: expected one of steps"),
         ("{name: a, output: 's3://bucket/run', captures: c}", "working must name a local folder"),
         ("{name: a, output: b, captures: [{path: c, kind: foo}]}", "captures.0.kind: expected 'auto', 'openeqa'"),
-        ("{name: a, output: b}", "captures: expected a value, found nothing"),
+        ("{name: a, output: b}", "captures: expected a value (what is built), found nothing"),
     ],
 )
 def test_wrong_fields_are_told_with_file_and_place(tmp_path: Path, text: str, told: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 from schemas.errors import InputError
@@ -41,6 +42,8 @@ def load_pretrained(kind: str, name: str) -> Any:
     library = require("transformers")
     broken: type[Exception] = require("safetensors").SafetensorError
     expected = f"a model that {kind} loads"
+    if Path(name).is_absolute() and not Path(name).is_dir():  # the library would speak of names on the hub
+        raise InputError(name, expected=expected, found="no such folder")
     try:
         loader = getattr(library, kind)  # imports what this class needs, and fails where that does not fit
         if "Processor" in kind:

@@ -13,6 +13,7 @@ from schemas.errors import InputError
 from tests.construct.semantics.labels_2d.small_models import tokenizer_files
 from tests.query.tiny import tiny_scene
 
+torch = pytest.importorskip("torch")
 transformers = pytest.importorskip("transformers")
 
 UNIT = 1e-5
@@ -51,7 +52,10 @@ def sam(tmp_path_factory: pytest.TempPathFactory) -> str:
             hidden_size=16, mlp_dim=32, num_hidden_layers=1, num_attention_heads=2, iou_head_hidden_dim=16
         ),
     )  # fmt: skip
-    transformers.SamModel(config).save_pretrained(folder)
+    torch.manual_seed(0)
+    model = transformers.SamModel(config)
+    model.mask_decoder.iou_prediction_head.proj_out.bias.data.fill_(9.0)  # sure of whatever it proposes
+    model.save_pretrained(folder)
     images = transformers.SamImageProcessor(
         size={"longest_edge": 64},
         pad_size={"height": 64, "width": 64},

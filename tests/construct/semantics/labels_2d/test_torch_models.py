@@ -21,6 +21,8 @@ def test_a_missing_model_is_named(tmp_path: Path) -> None:
     pytest.importorskip("transformers")
     with pytest.raises(InputError, match="expected a model that CLIPModel loads"):
         load_pretrained("CLIPModel", str(tmp_path))
+    with pytest.raises(InputError, match="a model that CLIPModel loads, found no such folder"):
+        load_pretrained("CLIPModel", str(tmp_path / "clip"))
 
 
 def test_missing_yolo_weights_are_not_downloaded(tmp_path: Path) -> None:
