@@ -1,4 +1,4 @@
-"""What a weak observer makes out in one view: from pixels, categories and depth to `Thing`s and how they touch."""
+"""What a weak observer makes out in one view: each `Thing`, from pixels, categories and depth, and how they touch."""
 
 from __future__ import annotations
 
